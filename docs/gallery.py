@@ -96,12 +96,12 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
     scenario, results = load(name), []
 
     def watched(*arguments: Any, **options: Any) -> Result:
-        result = performed(*arguments, **options)
+        result = run_to_end(*arguments, **options)
         results[1:] = [] if results else [result]  # the first one is shown
         return result
 
-    performed = system.performed
-    with patch.object(system, "performed", watched):
+    run_to_end = system.run_to_end
+    with patch.object(system, "run_to_end", watched):
         outcome = execute(scenario, pages)
     if not outcome.passed:
         failed = [str(verdict) for verdict in outcome.verdicts if not verdict.passed]

@@ -100,7 +100,7 @@ def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(memory, "_free_memory", lambda: 2e8)
     pendulum = fmu_path("Pendulum")
     with monkeypatch.context() as patch:
-        patch.setattr("liaisons.cosim.system.performed", lambda simulation, **_: len(simulation.times))
+        patch.setattr("liaisons.cosim.system.run_to_end", lambda simulation, **_: len(simulation.times))
         assert simulate(pendulum, stop_time=1e6, step_size=1.0, record=["theta"]) == 1_000_001
     with pytest.raises(SimulationError, match=r"1e\+06 points, and 39 signals at each of them 664 MB where 200 MB"):
         simulate(pendulum, stop_time=1e6, step_size=1.0)

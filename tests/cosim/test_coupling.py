@@ -18,8 +18,8 @@ from scipy.interpolate import BPoly, PPoly
 from liaisons import Signal
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
-from liaisons.cosim.coupling.implicit import _jerk
-from liaisons.cosim.coupling.signals import Curve, polynomials
+from liaisons.cosim.coupling.implicit import _jerk_at_end
+from liaisons.cosim.coupling.signals import Curve, polynomial_arrays
 from liaisons.cosim.coupling.strong_component import _INTEGRALS, StrongComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import Coupling, algebraic_loops
@@ -458,7 +458,7 @@ def test_polynomials_go_through_values_and_derivatives_at_both_ends() -> None:
 
     port = (0, 1, 2)
     curves = [Curve(port, 0, 1), Curve(port, 1, 2), Curve(port, 2, 5), Curve((3, 4), 0, 4)]
-    _, table = polynomials(curves, 5, 5)
+    _, table = polynomial_arrays(curves, 5, 5)
     data = np.array(signals(0.0) + signals(H))[table["signals"]] * H ** table["scaling"]
     found = np.sum(table["factors"] * data[table["term"]], axis=1) / H ** table["after"]
     sources = (quintic, quintic.deriv(), quintic.deriv(2), cubic)
@@ -496,11 +496,11 @@ def test_the_slope_of_an_acceleration_is_that_of_the_quintic(degree: int) -> Non
     power = np.polynomial.Polynomial([0.0] * degree + [1.0])
     here, there = (np.array([power.deriv(k)(t) for k in range(3)]) for t in (1.5, 1.2))
     # Rounding of the values, 8 and less, over 0.3³, by factors up to 60.
-    assert _jerk(here, there, 1.5 - 1.2) == pytest.approx(power.deriv(3)(1.5), abs=1e-10)
+    assert _jerk_at_end(here, there, 1.5 - 1.2) == pytest.approx(power.deriv(3)(1.5), abs=1e-10)
 
 
 @pytest.mark.parametrize("count", _INTEGRALS)
-def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomials(count: int) -> None:
+def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomial_arrays(count: int) -> None:
     """Newton's matrix: ∫ (1 - t) h and ∫ h over the step, of h whose value, or rate, at the end is 1."""
     for power, found in enumerate(_INTEGRALS[count]):
         end = [float(k == power) for k in range(count)]
@@ -511,11 +511,12 @@ def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomials(count:
 
 def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
     signals = SimpleNamespace(count=3, references=[("a", "x"), ("b", "y"), ("b", "z")])
-    nodes = [SimpleNamespace(name=name) for name in "ab"]
-    cycle = SimpleNamespace(_unknowns=np.array([0, 1, 5]), _signals=signals, nodes=nodes, _implicit=False)
+    bus = SimpleNamespace(end=SimpleNamespace(value=0.5))
+    cycle = SimpleNamespace(_unknowns=np.array([0, 1, 5]), _signals=signals, _names="a, b", _implicit=False, _bus=bus)
     for errors, worst in (([9.0, 1.0, 2.0], r"a\.x"), ([1.0, 9.0, 2.0], r"b\.y"), ([1.0, 2.0, 9.0], r"b\.z")):
+        cycle._errors = np.array(errors)
         with pytest.raises(SimulationError, match=rf"^a, b: .* at t = 0\.5 s, {worst} least of all"):
-            StrongComponent._raise_divergence(cast("StrongComponent", cycle), 0.5, np.array(errors))
+            StrongComponent._raise_divergence(cast("StrongComponent", cycle))
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5])

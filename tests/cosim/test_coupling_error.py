@@ -11,7 +11,7 @@ import pytest
 from making import FmuPaths, coupling_errors, wired
 from numpy.testing import assert_allclose, assert_array_equal
 
-from liaisons import System, flatten
+from liaisons import Signal, System, flatten
 from liaisons.cosim import Result, simulate
 from liaisons.cosim.running.estimate import Worst
 from liaisons.cosim.structure.schedule import Coupling
@@ -197,6 +197,17 @@ def test_steps_follow_a_signal_and_shorten_where_it_moves_fast(component: FmuPat
     system.simulate(2.0, inputs={"mass.x_force": push}, tolerance=1e-10)
     steps = np.diff(np.unique(instants))
     assert np.min(steps) < 0.5 * np.max(steps)
+
+
+def test_errors_have_a_point_where_a_signal_breaks_at_0(component: FmuPaths) -> None:
+    system = System("breaks at 0")
+    system.add("swing", component("Pendulum"), theta_0=0.3)
+    length = Signal(lambda t: (1 + 0.1 * abs(t), 0.1 * float(np.sign(t)), 0.0), breaks=[0.0])
+    result = system.simulate(0.5, start_time=-0.5, inputs={"swing.length": length}, coupling="implicit")
+    assert 0.0 in result.time
+    errors = coupling_errors(result)
+    assert errors.shape == result.time.shape
+    assert np.max(errors) < 1e-10
 
 
 def test_steps_without_coupling_are_those_of_the_fmus(component: FmuPaths) -> None:

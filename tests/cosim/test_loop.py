@@ -50,7 +50,7 @@ def same_by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
 
     def compare(run: Run) -> None:
         with monkeypatch.context() as only_compiled:
-            only_compiled.setattr(loop.Loop, "_advance", lambda *_: pytest.fail("Python makes the steps"))
+            only_compiled.setattr(loop.Loop, "_advance_in_python", lambda *_: pytest.fail("Python makes the steps"))
             first = run()
         with monkeypatch.context() as without:
             without.setattr(compiled, "steps", lambda: None)

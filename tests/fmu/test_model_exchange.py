@@ -11,7 +11,7 @@ from handmade import breathing_inputs
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from liaisons.models import PolarOscillator
+from liaisons.models import BouncingBall, PolarOscillator
 
 Inputs = Callable[[float], dict[str, float]]
 
@@ -98,6 +98,29 @@ def test_time_event(kick_library) -> None:
     assert instance["x_dot"] == 3.0
     assert instance.go_on() == (True, None)  # the rate has jumped: who integrates starts again
     assert rates(instance, 1.0, [1.0]) == 3.0
+
+
+def test_outputs_are_those_after_an_event_in_which_none_was_read(kick_library) -> None:
+    instance = kick_library.running(t_1=1.0)
+    rates(instance, 1.0, [1.0])
+    assert instance["x_dot"] == 1.0
+    instance.do("EnterEventMode")
+    instance.go_on()
+    assert instance["x_dot"] == 3.0
+
+
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_an_update_changes_outputs_once(library, version: str) -> None:
+    """A ball of 1 kg hits the table with 1 m/s; its coefficient of restitution is 0.8."""
+    instance = library(BouncingBall, version).running()
+    instance.do("SetContinuousStates", reals([0.0, -1.0, 0.0, 0.0]), 4)
+    instance.do("EnterEventMode")
+    assert instance["height_dot"] == -1.0
+    assert instance.update().states_changed
+    assert instance["height_dot"] == pytest.approx(0.8, rel=1e-14)
+    after = instance.vector("GetContinuousStates", 4)
+    assert not instance.update().states_changed
+    np.testing.assert_array_equal(instance.vector("GetContinuousStates", 4), after)
 
 
 def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:

@@ -21,7 +21,7 @@ from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import run_to_end
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.ssp.assignment import parameter_quantities, value_for_variable
 
@@ -139,7 +139,7 @@ def _reference_verdict(fmu: Fmu, results: Path, files_by_role: Mapping[str, Path
     inputs = [str(files_by_role["testcase"])] if "testcase" in files_by_role else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance
-    run = performed(subject_simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
+    run = run_to_end(subject_simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
     expected = zip(names, columns, strict=True)
     error = max(np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected)
     claim = f"results as in {results.name} beside the largest of each column"

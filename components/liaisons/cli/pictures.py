@@ -68,7 +68,7 @@ def animate(
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
     from liaisons.cli._subject import subject_simulation
-    from liaisons.cosim.running.run import performed
+    from liaisons.cosim.running.run import run_to_end
     from liaisons.cosim.structure.scenes import of_file
 
     (fmu,) = add_robot_options([fmu], prescribe, limits=limits)
@@ -77,7 +77,7 @@ def animate(
         _system, asked = subject_simulation(
             fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size
         )
-        result = performed(asked)
+        result = run_to_end(asked)
     elif recorded_fmu is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
     else:
@@ -116,7 +116,7 @@ def show(
     from liaisons import interface
     from liaisons.base.compiler import INSTALLATION, zig_compiler
     from liaisons.cli._subject import resolved_subject, subject_simulation
-    from liaisons.cosim.running.run import performed
+    from liaisons.cosim.running.run import run_to_end
     from liaisons.live import default_page_path
 
     fmu, *others = add_robot_options(fmus, prescribe, limits=limits)
@@ -129,7 +129,7 @@ def show(
     else:
         page = output or default_page_path(shown)
         _system, asked = subject_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
-        performed(asked).animate(page)
+        run_to_end(asked).animate(page)
         cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
         remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")

@@ -94,7 +94,7 @@ def simulate(
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
     from liaisons.cli._subject import subject_simulation
-    from liaisons.cosim.running.run import performed
+    from liaisons.cosim.running.run import run_to_end
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
@@ -126,7 +126,7 @@ def simulate(
                 print(f"{title}: {file}{extent}")
 
     try:
-        result = performed(asked, progress=len(asked.times) > 1e4, verify=verify)
+        result = run_to_end(asked, progress=len(asked.times) > 1e4, verify=verify)
     except (IncompleteError, Interrupted) as error:
         print_and_write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import as_path, merged, settings_beside, shown, with_arguments, with_settings
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
-from liaisons.cosim.running.run import Run, performed, started
+from liaisons.cosim.running.run import Run, run_to_end, start_run
 from liaisons.cosim.structure.components import Components, Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
@@ -216,7 +216,7 @@ class System:
         simulation, step_size = self._checked(settings), settings.step_size
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
-        return performed(simulation, **settings.of_run())
+        return run_to_end(simulation, **settings.of_run())
 
     @with_settings(SimulationSettings)
     def start(self, settings: SimulationSettings) -> Run:
@@ -236,7 +236,7 @@ class System:
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
         settings.require_no_run()
-        return started(self._checked(settings, endless=True))
+        return start_run(self._checked(settings, endless=True))
 
     def _checked(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
         return checked(self.name, self.filled(), self.connections, settings, endless=endless)
@@ -389,7 +389,7 @@ def simulate(single: _SingleRun) -> Result:
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
-    return performed(single.checked(), **single.settings.of_run())
+    return run_to_end(single.checked(), **single.settings.of_run())
 
 
 @with_arguments(_SingleRun.assemble)
@@ -410,4 +410,4 @@ def start(single: _SingleRun) -> Run:
     :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
     """
     single.settings.require_no_run()
-    return started(single.checked(endless=True))
+    return start_run(single.checked(endless=True))

@@ -27,7 +27,7 @@ from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.linearization import Method
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import run_to_end
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated
 from liaisons.errors import RefusedError, SimulationError
@@ -125,7 +125,7 @@ class FmuMotion:
             times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
         )
         parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
-        return performed(checked(title, parts, self.system.connections, settings, single=self.single))
+        return run_to_end(checked(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""

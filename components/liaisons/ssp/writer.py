@@ -25,7 +25,7 @@ from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.cosim.description.variables import Entry
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import run_to_end
 from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -127,7 +127,7 @@ def _with_solved_loops(
         return dict(parts)
     settings = SimulationSettings(times=(start_time, start_time + _SHORT))
     try:
-        result = performed(checked(name, parts, connections, settings))
+        result = run_to_end(checked(name, parts, connections, settings))
     except SimulationError as error:
         logger.warning("%s: its algebraic loops are not solved at the start, for it cannot be run: %s", name, error)
         return dict(parts)

@@ -75,4 +75,4 @@ def _simulate_case(study: Study, run: Run, parts: Mapping[str, SystemComponent])
             if run.reached() is None:
                 raise
             logger.warning("%s of %.10g s", ended, study.simulation.times[-1])
-        return Completed(evaluate_measures(study.keep, run.concluded()), warned.texts)
+        return Completed(evaluate_measures(study.keep, run.conclude()), warned.texts)

@@ -5,14 +5,14 @@ The values lie in one array, so that a row of a recording is one copy of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_double
 from typing import final
 
 import numpy as np
 
 from liaisons.base.unit_definitions import Conversion
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference
@@ -27,6 +27,11 @@ class Bus:
     :param watched: outputs that are read as if they were connected.
     :param recorded: further variables that are wanted.
     :param conversions: of inputs that are not what feeds them.
+    :ivar connected_outputs: component -> variables that feed inputs; ``recorded_only`` variables that feed none;
+        ``inputs`` connected inputs.
+    :ivar index: variable -> its column in ``values``.
+    :ivar slope_columns: output -> column of its derivative by time.
+    :ivar gain_columns: output and input -> column of ∂(output)/∂(input).
     :ivar start: begin, ``size`` and ``end`` of the step [s], where foreign functions see them.
     """
 
@@ -42,9 +47,9 @@ class Bus:
         self.order = order
         self._feeds = feeds
         self._conversions = conversions
-        self._connected = _by_component(order, sources)
+        self.connected_outputs = _by_component(order, sources)
         not_connected = [r for r in dict.fromkeys(recorded) if r not in feeds and r not in sources]
-        self._recorded_only = _by_component(order, not_connected)
+        self.recorded_only = _by_component(order, not_connected)
         self.inputs = _by_component(order, feeds)
         references = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
         self.index = {reference: k for k, reference in enumerate(references)}
@@ -52,6 +57,8 @@ class Bus:
         most += 2 * len(references)
         self._store = np.zeros(len(references) + most)  # with room for slopes, derivatives by inputs, integrals
         self.values = self._store[: len(references)]
+        self.slope_columns: dict[VariableReference, int] = {}
+        self.gain_columns: dict[OutputInput, int] = {}
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 
     def set_step(self, start: float, end: float) -> None:
@@ -61,16 +68,16 @@ class Bus:
     def perform(self, calls: Iterable[Call]) -> None:
         """Make calls, one after the other.
 
-        :raises SimulationError: if one is refused.
+        :raises SimulationError: if an FMU refuses one.
         """
         for call in calls:
             if status := call():
                 self.check_status(call, status)
 
     def check_status(self, call: Call, status: int) -> None:
-        """Check a status other than OK.
+        """Raise the error of a status that is neither OK nor Warning.
 
-        :raises SimulationError: unless it was a warning.
+        :raises SimulationError: the FMU's; for an exception in Python, that exception.
         """
         if status == RAISED and call.raised is not None:
             error, call.raised = call.raised, None
@@ -79,57 +86,57 @@ class Bus:
             since = f"from t = {self.start.value:.10g} s to" if call.action == "step" else "at"
             raise call.error(status, f" {since} t = {self.end.value:.10g} s")
 
-    def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
-        """Outputs of a component that feed inputs and, with ``every``, its other recorded variables."""
-        return [*self._connected[name], *(self._recorded_only[name] if every else ())]
-
-    def recorded_only(self, name: str) -> list[VariableReference]:
-        """Variables of a component that are recorded and feed no input."""
-        return self._recorded_only[name]
+    def outputs(self, name: str) -> list[VariableReference]:
+        """Variables of a component on the bus, except its inputs: those that feed inputs come first."""
+        return [*self.connected_outputs[name], *self.recorded_only[name]]
 
     def view(self, references: Sequence[VariableReference]) -> Vector:
-        """View of neighbouring values."""
+        """The values of variables that lie side by side, as a view."""
         first = self.index[references[0]] if references else 0
         return self.values[first : first + len(references)]
 
-    def source(self, input_: VariableReference) -> int | None:
-        """Column of the output that feeds an input; None if none does."""
-        return self.index[self._feeds[input_]] if input_ in self._feeds else None
+    def columns(self, references: Iterable[VariableReference]) -> Indices:
+        """Columns of variables."""
+        return as_indices([self.index[reference] for reference in references])
 
     def add_columns(self, size: int) -> tuple[int, Vector]:
-        """Add columns without names; returns the index of the first, and a view of all."""
+        """Add columns without names; returns the index of the first, and a view of their values."""
         first = len(self.values)
         self.values = self._store[: first + size]
         return first, self.values[first:]
 
-    def add_derivatives(
-        self, outputs: Iterable[VariableReference], input_: VariableReference
-    ) -> tuple[Vector, dict[OutputInput, int]]:
-        """Add columns for the derivatives of outputs by an input; returns a view of them, and the index of each."""
-        pairs = [(output, input_) for output in outputs]
-        first, column = self.add_columns(len(pairs))
-        return column, {pair: first + k for k, pair in enumerate(pairs)}
+    def add_slopes(self, outputs: Collection[VariableReference]) -> Vector:
+        """Add columns for the derivatives of outputs by time; returns a view of their values."""
+        first, values = self.add_columns(len(outputs))
+        self.slope_columns |= {output: first + k for k, output in enumerate(outputs)}
+        return values
+
+    def add_gains(self, outputs: Collection[VariableReference], input_: VariableReference) -> Vector:
+        """Add columns for the derivatives of outputs by an input; returns a view of their values."""
+        first, values = self.add_columns(len(outputs))
+        self.gain_columns |= {(output, input_): first + k for k, output in enumerate(outputs)}
+        return values
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
-        """Calls that copy outputs to the inputs that they feed, or convert them; neighbours are one call."""
+        """Calls that set inputs on the bus to the outputs that feed them, units converted."""
         runs: list[tuple[int, int, int]] = []
         converted: list[Call] = []
         for reference in inputs:
             target, source = self.index[reference], self.index[self._feeds[reference]]
             if reference in self._conversions:
-                converted.append(self._convert(target, source, self._conversions[reference]))
+                converted.append(self._conversion_call(target, source, self._conversions[reference]))
             elif runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
                 runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
             else:
                 runs.append((target, source, 1))
-        return [*(self._copy(target, source, count) for target, source, count in runs), *converted]
+        return [*(self._copy_call(target, source, count) for target, source, count in runs), *converted]
 
-    def _copy(self, target: int, source: int, count: int) -> Call:
+    def _copy_call(self, target: int, source: int, count: int) -> Call:
         bus = self.values.data
         call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
         return call.recorded(COPY, None, source=self._address(source), count=count, values=self._address(target))
 
-    def _convert(self, target: int, source: int, conversion: Conversion) -> Call:
+    def _conversion_call(self, target: int, source: int, conversion: Conversion) -> Call:
         numbers = np.array(conversion)
         call = Call(_convert, self.values.data, target, source, conversion)
         call.buffers = numbers

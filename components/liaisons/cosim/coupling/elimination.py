@@ -37,23 +37,21 @@ class Elimination:
     def __init__(self, n: int, pattern: Sequence[tuple[int, int]]) -> None:
         self.values = np.zeros(len(pattern))
         self.record = EliminationRecord(n=n, smallest_pivot=_SMALLEST_PIVOT)
-        self._columns: list[list[tuple[int, int]]] = [[] for _ in range(n)]  # row and index of each number
-        for index, (row, column) in enumerate(pattern):
-            self._columns[column].append((row, index))
+        numbers: Any = np.arange(len(pattern)) + 1, tuple(zip(*pattern, strict=True))
+        self._numbers: Any = csc_array(numbers, (n, n))  # those of values, from 1
 
     def choose_pivots(self) -> None:
         """Choose the pivots by the present values, and eliminate.
 
         :raises RuntimeError: if the matrix is singular.
         """
-        n, indices = len(self._columns), _flat((index for _, index in column) for column in self._columns)
-        rows = _flat((row for row, _ in column) for column in self._columns)
-        parts: Any = self.values[indices], rows, _starts(self._columns)
-        factors = splu(csc_array(parts, (n, n)))
+        matrix: Any = self._numbers.astype(float)
+        matrix.data = self.values[self._numbers.data - 1]
+        factors = splu(matrix)
         row_order, column_order = map(as_indices, (factors.perm_r, factors.perm_c))
-        order = row_order.tolist()
-        matrix = [[(order[row], index) for row, index in self._columns[k]] for k in np.argsort(column_order).tolist()]
-        above, below = _fill_in([[row for row, _ in column] for column in matrix])
+        ordered, n = self._numbers[:, np.argsort(column_order)], len(row_order)
+        rows = row_order[ordered.indices]
+        above, below = _fill_in([part.tolist() for part in np.split(rows, ordered.indptr[1:-1])])
         self.record.ordered = True
         self.record.point(
             values=self.values,
@@ -61,13 +59,13 @@ class Elimination:
             column_order=column_order,
             pivots=np.empty(n),
             work=np.empty(n),
-            starts=_starts(matrix),
+            starts=as_indices(ordered.indptr),
             above_starts=_starts(above),
             below_starts=_starts(below),
-            rows=_flat((row for row, _ in column) for column in matrix),
+            rows=rows,
             above_rows=_flat(above),
             below_rows=_flat(below),
-            indices=_flat((index for _, index in column) for column in matrix),
+            indices=as_indices(ordered.data - 1),
             upper=np.empty(sum(map(len, above))),
             lower=np.empty(sum(map(len, below))),
         )

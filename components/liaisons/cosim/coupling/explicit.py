@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from ctypes import c_double
 from functools import cache, partial
+from typing import NamedTuple
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
@@ -17,12 +19,17 @@ from liaisons.cosim.structure.sources import SIGNALS, Drive
 Calls = list[Call]
 
 
-def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tuple[Calls, Calls, Calls]:
-    """Calls that exchange values in initialization, after it, and in a communication step."""
+class CommunicationCalls(NamedTuple):
+    """Calls that exchange values in initialization, at one instant after it, and in a communication step."""
 
-    @cache  # repeated operations share their calls
-    def calls_of(operation: Operation, initial: bool) -> Calls:
-        return list(_calls_of_operation(simulation, instances, bus, operation, initial))
+    initialization: Calls
+    instant: Calls
+    step: Calls
+
+
+def communication_calls(simulation: Simulation, instances: Instances, bus: Bus) -> CommunicationCalls:
+    """Prepare the calls of explicit coupling; those of a repeated operation are shared."""
+    calls_of = cache(partial(_operation_calls, simulation, instances, bus))
 
     def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
         return [call for operation in program for call in calls_of(operation, initial)]
@@ -30,34 +37,32 @@ def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tu
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     parts = simulation.parts.items()
     newest = {name for name, part in parts if part.approximation.method in {None, 2} and not part.fmu.is_sampled}
-    return (
+    return CommunicationCalls(
         calls(schedule.consistent_program(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent_program(order, feeds, depends)),
         calls(schedule.step_program(order, feeds, depends, simulation.coupling, newest)),
     )
 
 
-def _calls_of_operation(
+def _operation_calls(
     simulation: Simulation, instances: Instances, bus: Bus, operation: Operation, initial: bool
-) -> Iterator[Call]:
-    """The calls of one operation; in initialization, only what is connected is read."""
+) -> Calls:
+    """Prepare the calls of one operation; in initialization, only connected outputs are read."""
     action, name = operation
     if name == SIGNALS:
-        if action == "get":
-            yield from (Call(_evaluate, drive, bus, bus.view(drive.places)) for drive in simulation.drives)
-        return
+        drives = simulation.drives if action == "get" else ()
+        return [Call(_evaluate_drive, drive, bus.end, bus.view(drive.places)) for drive in drives]
     instance, variables = instances[name], simulation.parts[name].fmu.variables
     if action == "step":
-        yield instance.stepper(bus.start, bus.size)
-        return
-    references = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
+        return [instance.stepper(bus.start, bus.size)]
+    outputs = bus.connected_outputs[name] if initial else bus.outputs(name)
+    references = bus.inputs[name] if action == "set" else outputs
     if not references:
-        return
-    if action == "set":
-        yield from bus.copies(references)
+        return []
     prepare = instance.setter if action == "set" else instance.getter
-    yield prepare([variables[variable] for _, variable in references], bus.view(references))
+    transfer = prepare([variables[variable] for _, variable in references], bus.view(references))
+    return [*bus.copies(references), transfer] if action == "set" else [transfer]
 
 
-def _evaluate(drive: Drive, bus: Bus, values: Vector) -> None:
-    values[:] = drive(bus.end.value)
+def _evaluate_drive(drive: Drive, time: c_double, values: Vector) -> None:
+    values[:] = drive(time.value)

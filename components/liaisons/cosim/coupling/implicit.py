@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from ctypes import addressof, byref, c_double
-from typing import Any, final
+from typing import Any, NoReturn, final
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponent
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.structure.schedule import OutputInput, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
-from liaisons.errors import SimulationError
 
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
@@ -33,17 +31,20 @@ class Coupled:
     """All strong components of a system; each step is repeated until inputs and outputs agree.
 
     :ivar memory: what a repeated step restores.
+    :ivar error_order: order in H of the error of a step: that of the coarsest polynomial.
     """
 
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         self._bus = bus
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
-        references = [reference for name in (SIGNALS, *parts) for reference in bus.outputs(name, every=False)]
+        references = [reference for name in (SIGNALS, *parts) for reference in bus.connected_outputs[name]]
         groups, cyclic, prescribed = simulation.groups, simulation.cyclic, simulation.prescribed
         self.signals = signals = Signals(parts, feeds, references, prescribed)
-        self._drives = [(drive, [signals.index[r] for r in drive.places]) for drive in simulation.drives]
-        self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
+        self._drives = [
+            (drive, [signals.index[r] for r in drive.places], [signals.slope_index(r) for r in drive.places[2:]])
+            for drive in simulation.drives
+        ]
         self._components: list[StrongComponent] = []
         for names in groups:
             cycle = frozenset(names if names[0] in cyclic else ())
@@ -51,8 +52,10 @@ class Coupled:
                 Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
             ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
-        self._matrices = [matrix for component in self._components for matrix in component.matrices]
-        self._nodes = [node for component in self._components for node in component.nodes]
+        newtons = [newton for component in self._components for newton in component.newtons]
+        self._matrices = [record for newton in newtons for record in (newton.record, newton.elimination.record)]
+        orders = [node.error_order for component in self._components for node in component.nodes]
+        self.error_order = min(orders, default=6)
         component_of = simulation.group_number | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():
@@ -68,15 +71,16 @@ class Coupled:
         self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._raise_failure)
 
     def _system_record(self) -> SystemRecord:
-        """The structure that compiled code reads."""
+        """Prepare the system for compiled code."""
         signals, components = self.signals, self._components
-        self._drive_call = Call(self._evaluate_sources)
+        self._drive_call = Call(self._evaluate_drives_in_step)
         self._source_calls = [
-            Call(self._step_in_thirds, k) if component.source else None for k, component in enumerate(components)
+            Call(self._step_source_in_thirds, k) if component.source_node else None
+            for k, component in enumerate(components)
         ]
         calls = zip((*self._histories, self._driven), (*self._source_calls, None), strict=True)
         self._referenced = histories = [history.record(call) for history, call in calls]
-        records = [component.record("step") for component in components]
+        records = [component.equations("step") for component in components]
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
         record.point(components=(StrongComponentRecord * len(components))(*records))
         record.point(histories=(SignalHistoryRecord * len(histories))(*histories))
@@ -89,7 +93,7 @@ class Coupled:
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record
 
-    def _raise_failure(self, _action: Action, status: int, _when: str) -> SimulationError:
+    def _raise_failure(self, _action: Action, status: int, _when: str) -> NoReturn:
         """Raise the error of a step in which compiled code has failed."""
         failure = self._record.failure
         for call in (self._drive_call, *self._source_calls):
@@ -99,38 +103,26 @@ class Coupled:
         raise AssertionError(status)
 
     def _solve(self, component: StrongComponent, phase: Phase, size: float = 0.0) -> None:
-        """Solve the equations of a component in the present step."""
-        equations, start = byref(component.record(phase)), self._bus.start
+        """Solve the equations of a strong component in the present step, or, of size 0, at one instant."""
+        equations, start = byref(component.equations(phase)), self._bus.start
         if status := self._library.solve_component(byref(self._record), equations, start, c_double(size)):
             component.raise_failure(phase, self._record.failure, status)
 
     def reset(self) -> None:
-        """Forget all steps."""
+        """Forget all steps, before a run starts again."""
         self.memory.reset()
         self.signals.sizes[:] = 0.0
         self.signals.result[:] = 0.0
         for component in self._components:
             component.forget_derivatives()
 
-    @property
-    def slopes(self) -> dict[VariableReference, int]:
-        """Output -> column of its slope on the bus."""
-        return {output: k for node in self._nodes for output, k in node.slopes_at.items()}
+    def solve_at_instant(self, *, initial: bool) -> None:
+        """Solve the equations at the present time, where a smooth piece starts.
 
-    @property
-    def gains(self) -> dict[OutputInput, int]:
-        """Output and input -> column of ∂(output)/∂(input) on the bus."""
-        return {pair: k for node in self._nodes for pair, k in node.gains.items()}
-
-    @property
-    def order(self) -> int:
-        """Order of the error in H: that of the coarsest polynomial."""
-        return min((node.order for node in self._nodes), default=6)
-
-    def settle(self, *, initial: bool) -> None:
-        """Solve the equations at the start of a piece, the present time."""
+        :param initial: in initialization, from the start values on.
+        """
         time = self._bus.end.value
-        self._drive(time, self._later_instant(time))
+        self._evaluate_drives(time, self._later_instant_of_piece(time))
         for component in self._components:
             if initial:
                 component.read_start_values()
@@ -138,10 +130,10 @@ class Coupled:
         self.signals.before[:] = self.signals.now
 
     def cross_break(self) -> None:
-        """Make the tiny step to a break with all inputs extrapolated, and forget the past."""
+        """Make the tiny step to a break with extrapolated inputs, and start the piece behind it."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before
-        self._drive(time, self._later_instant(time))
+        self._evaluate_drives(time, self._later_instant_of_piece(time))
         held = signals.held.copy()
         signals.held[:] = True
         try:
@@ -150,75 +142,75 @@ class Coupled:
         finally:
             signals.held[:] = held
         self.forget_past()
-        self.settle(initial=False)
+        self.solve_at_instant(initial=False)
 
     def forget_past(self) -> None:
-        """Forget the points before the present one, and derivatives, which may be others now."""
+        """Forget the points before the present one, and the derivatives of outputs by inputs."""
         for component in self._components:
             component.forget_derivatives()
         self.signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
-            if history.made.size:
-                history.memory.reset()
+            history.memory.reset()
 
     def save(self) -> list[Any]:
-        """All that later steps depend on, for :meth:`restore`."""
+        """The state of the coupling, for :meth:`restore`."""
         return [self.memory.save(), self.signals.sizes.copy(), [matrix.save() for matrix in self._matrices]]
 
     def restore(self, saved: Sequence[Any]) -> None:
-        """Return to what was saved, so that the steps that follow are the same to the last bit."""
+        """Restore a saved state; the steps that follow repeat to the last bit."""
         memory, self.signals.sizes[:], matrices = saved
         self.memory.restore(memory)
         for matrix, content in zip(self._matrices, matrices, strict=True):
             matrix.restore(content)
 
-    def _later_instant(self, time: float) -> float | None:
-        """Another instant of the piece that starts at this one [s]; None without one, or without functions of time."""
+    def _later_instant_of_piece(self, time: float) -> float | None:
+        """A later instant of the piece that starts at this one [s]; None without one, or without functions of time."""
         if not self._drives:
             return None
         index = bisect_right(self._times, time + rounding(time))
         if index == len(self._times):
             return None
-        breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
+        breaks = [(time + instant) / 2 for drive, *_ in self._drives if (instant := drive.next_break(time)) is not None]
         return min([self._times[index], *breaks])
 
-    def _step_in_thirds(self, k: int) -> int:
-        """Step a source, whose outputs have no past yet, in thirds; returns 1."""
-        history, size, source = self._histories[k], self._bus.size.value, self._components[k].source
+    def _step_source_in_thirds(self, component: int) -> int:
+        """Step a source whose outputs have no past yet in thirds; returns 1, for compiled code."""
+        history, source = self._histories[component], self._components[component].source_node
+        size = self._bus.size.value
         assert source is not None
         history.others[:] = source.step_in_thirds()[:, history.made - source.values.start]
         history.instants[:] = size / 3, 2 * size / 3
-        source.collect(self.signals.now)
+        source.copy_outputs(self.signals.now)
         return 1
 
-    def _evaluate_sources(self) -> int:
-        """Evaluate the functions of time at the end of the step and, where slopes are estimated, at its thirds.
+    def _evaluate_drives_in_step(self) -> int:
+        """Evaluate the functions of time at the end of the step and, for slopes that none gives, at its thirds.
 
-        :returns: 1 if slopes are estimated.
+        :returns: 1 if there are such slopes, for compiled code.
         """
         start, end, size, driven = self._bus.start.value, self._bus.end.value, self._bus.size.value, self._driven
-        self._drive(end, start)
+        self._evaluate_drives(end, start)
         if not driven.made.size:
             return 0
         inside = np.zeros((2, self.signals.count))
         driven.instants[:] = size / 3, 2 * size / 3
-        for drive, indices in self._drives:
+        for drive, indices, _ in self._drives:
             if len(indices) < 3:
                 inside[:, indices] = [drive(start + instant) for instant in driven.instants]
         driven.others[:] = inside[:, driven.made]
         driven.memory.reset()  # what is seen inside a step is better than the past
         return 1
 
-    def _drive(self, time: float, other: float | None) -> None:
-        """Evaluate the functions of time at an instant [s]; slopes of accelerations follow from another instant [s]."""
-        for (drive, indices), slope in zip(self._drives, self._slopes, strict=True):
+    def _evaluate_drives(self, time: float, other: float | None) -> None:
+        """Evaluate the functions of time at an instant [s], and the slopes of accelerations by another instant [s]."""
+        for drive, indices, slopes in self._drives:
             values = drive(time)
             self.signals.now[indices] = values
-            if slope >= 0:
-                self.signals.now[slope] = 0.0 if other is None else _jerk(values, drive(other), time - other)
+            if slopes:
+                self.signals.now[slopes] = 0.0 if other is None else _jerk_at_end(values, drive(other), time - other)
 
 
-def _jerk(end: Vector, start: Vector, size: float) -> float:
-    """Third derivative at the end of the quintic through value, rate and acceleration at both ends, ``size`` apart."""
+def _jerk_at_end(end: Vector, start: Vector, size: float) -> float:
+    """Third derivative, at its end, of the quintic through value, rate and acceleration at both ends."""
     c_3, c_4, c_5 = upper_coefficients(start, end, size)
     return float((6 * c_3 + 24 * c_4 + 60 * c_5) / size**3)

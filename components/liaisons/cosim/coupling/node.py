@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Literal, final
+from typing import Any, Literal, NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, records
-from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomials
+from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, call_records
+from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomial_arrays
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
-from liaisons.cosim.structure.schedule import Depends, OutputInput, VariableReference
+from liaisons.cosim.structure.schedule import Depends
 
 _TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
 """Instants at which an FMU asks for inputs inside a step of length 1."""
@@ -36,15 +36,27 @@ class InputMotionCalls:
 
     :param kind: numbers that compiled code writes before the step.
     :param before: calls before the step; ``after``: calls after it.
-    :param order: order in H of the error of the motion.
-    :param arrays: those of compiled code; it writes to ``shape``, and see :func:`polynomials`.
+    :param error_order: order in H of the error of the motion.
+    :param arrays: those of compiled code; it writes to ``shape``, and see :func:`polynomial_arrays`.
     """
 
     kind: int
     before: Sequence[Call]
     after: Sequence[Call]
-    order: int
+    error_order: int
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+class Gains(NamedTuple):
+    """Derivatives ∂(output)/∂(input) of an FMU that are not 0 everywhere, one input after the other.
+
+    :param pairs: (output, input) of each derivative, their numbers in the FMU.
+    :param calls: one of each input; ``values``: the derivatives by it, which the call writes.
+    """
+
+    pairs: list[tuple[int, int]]
+    calls: list[Call]
+    values: list[Vector]
 
 
 @final
@@ -72,7 +84,7 @@ class Node:
     none, as prescribed                                           set inputs at t + H
     =====================  =====================================  ========================
 
-    :param cycle: those that it is solved together with, itself among them; empty if it is outside of cycles.
+    :param cycle: components that are solved together with it, itself among them; empty outside of cycles.
     :param prescribed: its inputs hold or extrapolate, as the user has said.
     """
 
@@ -88,7 +100,7 @@ class Node:
     ) -> None:
         self.name, self.part = part.name, part
         self._instance, self._bus, self._signals = instance, bus, signals
-        inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), part.fmu.variables
+        inputs, outputs, variables = bus.inputs[self.name], bus.connected_outputs[self.name], part.fmu.variables
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
         self.curves = [signals.curve(input_, cycle) for input_ in inputs]
@@ -100,16 +112,15 @@ class Node:
         self.sloped = bool(outputs) and self.name in signals.sloped
 
         self._repeated = bool(cycle)
-        self._roots = as_indices([signals.root(input_, cycle) for input_ in inputs])
+        self._roots = as_indices([signals.port_value_index(input_, cycle) for input_ in inputs])
         self._set_values, self._read = bus.view(inputs), bus.view(outputs)
         self._put = [instance.setter(self.inputs, self._set_values)] if inputs else []
         self._get = [instance.getter(self.outputs, self._read)] if outputs else []
         self._slope_values, self._rate_values = np.zeros(len(outputs)), np.zeros(len(inputs))
-        self.slopes_at: dict[VariableReference, int] = {}  # on the bus
         read_slopes = self._prepare_output_derivatives()
-        self.gains: dict[OutputInput, int] = {}  # output and input -> where the derivative is on the bus
         moves_as_set = prescribed or part.fmu.is_sampled  # which reads inputs at communication points
-        self._motion = motion = self._prepare_motion(None if moves_as_set else part.approximation.interface)
+        self._motion = motion = self._input_motion_calls(None if moves_as_set else part.approximation.interface)
+        self.error_order = motion.error_order
         move = [*motion.before, instance.stepper(bus.start, bus.size)]
         self._step: list[Call] = [*move, *motion.after, *self._get, *read_slopes]
         self._calls: dict[Phase, list[Call]] = {
@@ -119,7 +130,7 @@ class Node:
             "step": [*instance.save_and_restore_calls(), *self._step] if cycle else self._step,
         }
 
-    def _prepare_motion(self, interface: InputInterface | None) -> InputMotionCalls:
+    def _input_motion_calls(self, interface: InputInterface | None) -> InputMotionCalls:
         """Prepare the calls that hand over the motion of inputs; None: they move as the user has prescribed."""
         instance, inputs, put = self._instance, self.inputs, self._put
         if interface is None:
@@ -134,32 +145,31 @@ class Node:
             return InputMotionCalls(MEAN, [instance.setter(inputs, means)], put, 2, {"shape": means})
         every = self.part.approximation.takes_every_order
         order = min(2 * len(curve.data) for curve in self.curves) if every else 2
-        which, arrays = polynomials(self.curves, self._signals.zero, HIGHEST if every else 1)
+        terms, arrays = polynomial_arrays(self.curves, self._signals.zero, HIGHEST if every else 1)
         if interface == "intermediate update":
             values = np.empty((INTERMEDIATE_INSTANTS, len(inputs)))
             update = instance.intermediate_update(inputs, values)
             return InputMotionCalls(AT_INSTANTS, [update], put, order, {"shape": values, **arrays})
-        derivatives = np.empty(len(which))
-        set_derivatives = self._set_input_derivatives(which, derivatives)
+        derivatives = np.empty(len(terms))
+        set_derivatives = self._input_derivatives_call(terms, derivatives)
         return InputMotionCalls(POLYNOMIAL, [set_derivatives], put, order, {"shape": derivatives, **arrays})
 
     def _prepare_output_derivatives(self) -> list[Call]:
         """Prepare the calls that set the rates of inputs and read those of outputs."""
         if not self.sloped:
             return []
-        first, self._slope_values = self._bus.add_columns(len(self.outputs))
-        self.slopes_at = {(self.name, output.name): first + k for k, output in enumerate(self.outputs)}
+        self._slope_values = self._bus.add_slopes(self._bus.connected_outputs[self.name])
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), self._slope_values)
         if not self.inputs:
             return [read]
         if self.part.approximation.interface == "intermediate update":
-            return [read, self._add_input_rates()]
-        return [self._set_input_derivatives([(k, 1) for k in range(len(self.inputs))], self._rate_values), read]
+            return [read, self._feedthrough_slopes_call()]
+        return [self._input_derivatives_call([(k, 1) for k in range(len(self.inputs))], self._rate_values), read]
 
-    def _add_input_rates(self) -> Call:
-        """A call that adds ∂(outputs)/∂(inputs) times rates of inputs to the slopes, where the FMU does not know them.
+    def _feedthrough_slopes_call(self) -> Call:
+        """A call that adds ∂(outputs)/∂(inputs) times rates of inputs to the slopes.
 
-        By itself the FMU takes the rates of an active coordinate from its port, and other inputs for constant.
+        It omits the rates that the FMU adds itself, those of active coordinates; other inputs it takes for constant.
         """
         product = np.empty(len(self.outputs))
         curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
@@ -167,26 +177,22 @@ class Node:
         unknown = np.array([holds or triple is None or order == 2 for triple, order in curves])
         derive = self._instance.directional(self.outputs, self.inputs, self._rate_values, product)
 
-        def add() -> int | None:
+        def add_feedthrough() -> int | None:
             self._rate_values *= unknown
             status = derive()
             self._slope_values += product
             return status
 
-        return self._instance.prepared("derive", add)
+        return self._instance.prepared("derive", add_feedthrough)
 
-    def _set_input_derivatives(self, which: Sequence[tuple[int, int]], values: Vector) -> Call:
-        """A call that sets derivatives of inputs, (input, order) each, from these numbers."""
-        variables, orders = [self.inputs[k] for k, _ in which], [order for _, order in which]
+    def _input_derivatives_call(self, inputs_and_orders: Sequence[tuple[int, int]], values: Vector) -> Call:
+        """A call that sets derivatives of inputs, of some order each, to values."""
+        variables = [self.inputs[k] for k, _ in inputs_and_orders]
+        orders = [order for _, order in inputs_and_orders]
         return self._instance.input_derivatives(variables, orders, values)
 
-    @property
-    def order(self) -> int:
-        """Order in H of the error that the polynomials of its inputs cause."""
-        return self._motion.order
-
     def step_in_thirds(self) -> Vector:
-        """Step in three parts, without inputs; returns the outputs after the first two, shape (2, outputs)."""
+        """Make the step in thirds, without inputs; returns the outputs inside it, shape (2, outputs)."""
         bus, outputs = self._bus, []
         start, size, end = bus.start.value, bus.size.value, bus.end.value
         for first, last in pairwise([start, start + size / 3, start + 2 * size / 3, end]):
@@ -197,7 +203,7 @@ class Node:
         return np.array(outputs[:2])
 
     def program(self, phase: Phase) -> tuple[list[Call], NodeRecord]:
-        """The calls of one evaluation, and the structure that compiled code reads."""
+        """The calls of one evaluation in a phase, and their record for compiled code."""
         calls = self._calls[phase]
         record = NodeRecord(
             repeated=self._repeated and phase == "step",
@@ -208,7 +214,7 @@ class Node:
             value=self.values.start,
             slope=self.slopes.start,
         )
-        record.point(calls=records(calls), sources=self.sources, roots=self._roots, set_values=self._set_values)
+        record.point(calls=call_records(calls), sources=self.sources, roots=self._roots, set_values=self._set_values)
         record.point(read=self._read, slopes=self._slope_values, rates=self.rates, rate_values=self._rate_values)
         if phase in {"initialization", "instant"}:
             return calls, record
@@ -219,34 +225,28 @@ class Node:
             record.data = len(arrays["signals"])
         return calls, record
 
-    def read(self, target: Vector) -> None:
-        """Read the outputs as they are, and copy them to their signals."""
+    def read_outputs(self, signals: Vector) -> None:
+        """Read the present outputs from the FMU, and copy them to the signals."""
         self._bus.perform(self._get)
-        self.collect(target)
+        self.copy_outputs(signals)
 
-    def collect(self, target: Vector) -> None:
-        """Copy what was read last to its signals."""
-        target[self.values] = self._read
+    def copy_outputs(self, signals: Vector) -> None:
+        """Copy the outputs that were read last to the signals."""
+        signals[self.values] = self._read
 
-    def derivatives(self, depends: Depends, *, record: bool) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
-        """Prepare the calls that calculate ∂(outputs)/∂(inputs), where these are not 0, column by column.
+    def prepare_gains(self, depends: Depends, *, record: bool) -> Gains:
+        """Prepare the calls that calculate ∂(outputs)/∂(inputs) at the present instant.
 
-        :param record: they are recorded, where :attr:`gains` says.
-        :returns: (output, input), their places among those of the member, of each; the calls that calculate them at
-            the present instant, and where those put them.
+        :param record: the derivatives are on the bus.
         """
-        pairs: list[tuple[int, int]] = []
-        calls: list[Call] = []
-        values: list[Vector] = []
+        gains = Gains([], [], [])
         for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, input_.name))]
             if rows:
                 outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
-                    references = ((self.name, output.name) for output in outputs)
-                    column, indices = self._bus.add_derivatives(references, (self.name, input_.name))
-                    self.gains |= indices
-                calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
-                values.append(column)
-                pairs += [(i, k) for i in rows]
-        return pairs, calls, values
+                    column = self._bus.add_gains([(self.name, o.name) for o in outputs], (self.name, input_.name))
+                gains.calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
+                gains.values.append(column)
+                gains.pairs.extend((i, k) for i in rows)
+        return gains

@@ -68,7 +68,7 @@ class SystemRecord(Record):
     _fields_ = _fields("System", Failure=FailureRecord)
 
 
-def records(calls: Iterable[Call]) -> Array[CallRecord]:
-    """The records of calls, side by side."""
+def call_records(calls: Iterable[Call]) -> Array[CallRecord]:
+    """The records of calls, as an array of C."""
     array = [call.compiled() for call in calls]
     return (CallRecord * len(array))(*array)

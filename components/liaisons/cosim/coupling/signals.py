@@ -19,19 +19,21 @@ from liaisons.cosim.structure.schedule import Feeds, VariableReference
 from liaisons.cosim.structure.sources import SIGNALS
 
 
-def port_outputs(parts: Components, feeds: Feeds) -> list[VariableReference]:
-    """Outputs in the ports of connected outputs, which are read along with them."""
-    ports = (curve(parts, feeds, source)[0] for source in feeds.values())
+def connected_port_outputs(parts: Components, feeds: Feeds) -> list[VariableReference]:
+    """All outputs of the ports that connected outputs belong to."""
+    ports = (port_and_order(parts, feeds, source)[0] for source in feeds.values())
     return [reference for triple in ports for reference in triple]
 
 
-def curve(parts: Components, feeds: Feeds, source: VariableReference) -> tuple[list[VariableReference], int]:
-    """The outputs of the port of an output, and which derivative it is; without a port, the output and 0.
+def port_and_order(parts: Components, feeds: Feeds, source: VariableReference) -> tuple[list[VariableReference], int]:
+    """Value, rate and acceleration of the port of an output, and which derivative the output is.
 
-    A function of time that drives a whole port is a port as well.
+    A function of time that drives a whole port is a port, too.
+
+    :returns: without a port, the output alone and 0.
     """
     if source[0] == SIGNALS:
-        triple, order = Port(parts[(target := driven(feeds, source))[0]], target[1]).curve()
+        triple, order = Port(parts[(target := driven_input(feeds, source))[0]], target[1]).curve()
         sources = [feeds.get(end.place, ("?", "")) for end in triple or ()]
         whole = triple is not None and all(name == SIGNALS for name, _ in sources)
         return (sources, order) if whole else ([source], 0)
@@ -39,9 +41,19 @@ def curve(parts: Components, feeds: Feeds, source: VariableReference) -> tuple[l
     return ([end.place for end in triple], order) if triple else ([source], 0)
 
 
-def driven(feeds: Feeds, source: VariableReference) -> VariableReference:
+def driven_input(feeds: Feeds, drive: VariableReference) -> VariableReference:
     """The input that a function of time drives."""
-    return next(target for target, other in feeds.items() if other == source)
+    return next(target for target, source in feeds.items() if source == drive)
+
+
+def unit_numbers(parts: Components, feeds: Feeds, references: Iterable[VariableReference]) -> Indices:
+    """Number of the unit of each variable; a variable that is no Real has a number of its own."""
+    units: list[str] = []
+    for reference in references:
+        name, variable = driven_input(feeds, reference) if reference[0] == SIGNALS else reference
+        scalar = parts[name].fmu.variables[variable]
+        units.append(scalar.unit if scalar.type == "Real" else f"{name}.{variable}")
+    return np.unique(units, return_inverse=True)[1]
 
 
 @final
@@ -58,10 +70,6 @@ class Curve:
     order: int
     rate: int
 
-    def linear(self) -> Curve:
-        """The straight line through its own values."""
-        return Curve((self.data[self.order],), 0, self.rate)
-
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
@@ -70,55 +78,55 @@ _MOST = 6
 """Largest number of data of a curve: three at either end of a step."""
 
 
-def polynomials(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[tuple[int, int]], dict[str, Any]]:
-    """Derivatives of inputs at the start of a step, as linear functions of the signals at both its ends.
+def polynomial_arrays(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[tuple[int, int]], dict[str, Any]]:
+    """Arrays by which compiled code calculates derivatives of inputs at the start of a step from the signals.
 
-    :param curves: what each input follows.
+    :param curves: curve of each input.
     :param zero: index of the last signal, which is 0.
     :param highest: order of the highest derivative; 1 leaves straight lines.
-    :returns: input and order of each derivative, and the arrays for compiled code: indices of the ``signals`` at both
-        ends, flat, multiplied by powers of H by ``scaling``; of each derivative the terms of the sum, ``term``, with
+    :returns: input and order of each derivative, and the arrays: indices of the ``signals`` at both ends, and powers of
+        H by which these are multiplied, ``scaling``; of each derivative the terms of its sum, ``term``, with
         ``factors``, both of shape (derivatives, terms), the power of H in the denominator, ``after``, the signal that
-        it has at the start, ``begun``, and the input that it is a derivative ``of``.
+        it is at the start, ``begun``, and the input that it is a derivative ``of``.
     """
-    which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
+    derivatives = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
     motions = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
-    followed = curves if highest > 1 else [curve.linear() for curve in curves]
+    followed = curves if highest > 1 else [Curve((c.data[c.order],), 0, c.rate) for c in curves]
     ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
-    for curve in followed:
-        for end in ends:
-            for i, index in enumerate(curve.data):
-                signals.setdefault((end + index, i), len(signals))
-    terms = tuple(tuple(signals[end + index, i] for end in ends for i, index in enumerate(c.data)) for c in followed)
-    orders, scaling = tuple(curve.order for curve in followed), tuple(i for _, i in signals)
-    own = {"signals": [index for index, _ in signals], "begun": [motions[k][order] for k, order in which]}
-    return which, {name: as_indices(own[name]) for name in own} | _alike(terms, orders, scaling, highest)
+    terms = tuple(
+        tuple(signals.setdefault((end + index, i), len(signals)) for end in ends for i, index in enumerate(curve.data))
+        for curve in followed
+    )
+    indices, scaling = zip(*signals, strict=True)
+    begun = as_indices([motions[k][order] for k, order in derivatives])
+    shared = _shared_arrays(terms, tuple(curve.order for curve in followed), scaling, highest)
+    return derivatives, {"signals": as_indices(indices), "begun": begun, **shared}
 
 
 @lru_cache(maxsize=1024)
-def _alike(
+def _shared_arrays(
     terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int
 ) -> dict[str, Any]:
-    """The arrays that do not depend on indices of signals; shared, to stay in the processor's cache."""
-    of = np.arange(len(terms)).repeat(highest)
-    columns = np.empty((len(of), _MOST), dtype=np.intp)
-    factors, after = np.zeros(columns.shape), np.empty_like(of)
-    for row, k in enumerate(of):
+    """The arrays that depend on no index of a signal; FMUs share them, to keep them in the processor's cache."""
+    inputs = np.arange(len(terms)).repeat(highest)
+    columns = np.empty((len(inputs), _MOST), dtype=np.intp)
+    factors, after = np.zeros(columns.shape), np.empty_like(inputs)
+    for row, k in enumerate(inputs):
         order, many = row % highest + 1, len(terms[k])
         power = after[row] = order + orders[k]
         columns[row] = terms[k][0]  # beyond the terms, times 0
         if power < many:
             columns[row, :many] = terms[k]
             factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
-    return {"scaling": as_indices(scaling), "term": columns, "factors": factors, "after": after, "of": of}
+    return {"scaling": as_indices(scaling), "term": columns, "factors": factors, "after": after, "of": inputs}
 
 
 @final
 class Signals:
-    """Values of all outputs that go anywhere, and behind them their slopes, where FMUs give them or they are made.
+    """Values of all connected outputs, and their slopes: derivatives by time, given by FMUs or estimated.
 
-    Index i < n is a value, n + i its slope, 2n a zero that stands for what is not known.
+    Index i < n is a value, n + i its slope, 2n a zero that stands for an unknown number.
 
     :param references: the outputs, those of one component side by side.
     :param prescribed: components outside of cycles whose inputs hold or extrapolate, as the user has said.
@@ -139,98 +147,88 @@ class Signals:
         prescribed: Collection[str] = (),
     ) -> None:
         self._parts, self._feeds, self._prescribed = parts, feeds, prescribed
-        self._port = partial(curve, parts, feeds)
+        self._port_and_order = partial(port_and_order, parts, feeds)
         self.count = len(references)
         self.references = references
         self.index = {reference: k for k, reference in enumerate(references)}
-        self.sloped = self._find_sloped()
+        self.sloped = self._find_components_with_slopes()
         self.zero = 2 * self.count
         self.ends = np.zeros((2, self.zero + 1))
         self.before, self.now = self.ends  # at t, and the present guess at t + H
         self.earlier = np.zeros(self.zero + 1)  # at the point before t
         self.since = np.zeros(1)  # how long ago that was; 0: there was none
         self.held = np.zeros(self.zero + 1, dtype=bool)
-        self.held[: self.count] = [not self.continuous(k) for k in range(self.count)]
+        self.held[: self.count] = [not self._is_continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
-        self.rates[: self.count] = [self._rate(reference) for reference in references]
-        self.kinds = self._units()
+        self.rates[: self.count] = [self._rate_index(reference) for reference in references]
+        self.kinds = unit_numbers(parts, feeds, references)
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
         self.memory = Memory([self.ends, self.earlier, self.since])
 
-    def slope(self, reference: VariableReference) -> int:
-        """Index of the slope of an output; that of the zero if there is none.
+    def slope_index(self, reference: VariableReference) -> int:
+        """Index of the slope of an output; that of the zero if nothing gives it.
 
-        Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
+        The slope of the acceleration of a port follows from a function of time that drives the port.
         """
-        whole = reference[0] == SIGNALS and len(self._port(reference)[0]) == 3
+        whole = reference[0] == SIGNALS and len(self._port_and_order(reference)[0]) == 3
         return self.count + self.index[reference] if whole or reference[0] in self.sloped else self.zero
 
     def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
         """The curve of an input.
 
-        :param cycle: components that are solved together with it, whose slopes cannot be made.
+        :param cycle: components that are solved together with it, whose slopes are not estimated.
         """
         source = self._feeds[input_]
-        triple, order = self._port(source)
+        triple, order = self._port_and_order(source)
         data = [self.index[reference] for reference in triple]
         if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
             data.append(self.count + data[0])
-        return Curve(tuple(data), order, self._rate(source))
+        return Curve(tuple(data), order, self._rate_index(source))
 
-    def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
-        """Index of the value at the start of an input's curve; that of the zero if it changes within its cycle."""
+    def port_value_index(self, input_: VariableReference, cycle: Collection[str]) -> int:
+        """Index of the value of the port that feeds an input; that of the zero for a continuous one of its cycle."""
         source = self._feeds[input_]
-        first = self.index[self._port(source)[0][0]]
-        return self.zero if source[0] in cycle and self.continuous(first) else first
+        first = self.index[self._port_and_order(source)[0][0]]
+        return self.zero if source[0] in cycle and self._is_continuous(first) else first
 
-    def makes(self, index: int) -> bool:
-        """Whether no FMU gives the slope of a value."""
-        return self.references[index][0] not in self.sloped
-
-    def continuous(self, index: int) -> bool:
-        """Whether a value may change at any time; a discrete one jumps."""
+    def _is_continuous(self, index: int) -> bool:
+        """Whether a value may change at any time; a discrete one jumps at communication points."""
         name, variable = self.references[index]
         return name == SIGNALS or self._parts[name].fmu.variables[variable].continuous
 
-    def triple(self, index: int) -> list[int]:
-        """Value, rate and acceleration, if this is the index of an acceleration."""
-        triple, order = self._port(self.references[index])
+    def port_of_acceleration(self, index: int) -> list[int]:
+        """Indices of value, rate and acceleration of a port by that of its acceleration; else none."""
+        triple, order = self._port_and_order(self.references[index])
         return [self.index[r] for r in triple] if order == 2 and all(r in self.index for r in triple) else []
 
-    def _rate(self, source: VariableReference) -> int:
-        triple, order = self._port(source)
-        return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope(source)
+    def _rate_index(self, source: VariableReference) -> int:
+        triple, order = self._port_and_order(source)
+        return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope_index(source)
 
-    def _find_sloped(self) -> frozenset[str]:
-        """Components whose outputs' derivatives are right: those whose inputs' derivatives can be told to them."""
+    def _find_components_with_slopes(self) -> frozenset[str]:
+        """Components that give derivatives of outputs and can be given those of all their inputs."""
         names = {name for name, c in self._parts.items() if c.fmu.output_derivative_order > 0}
         while True:
             self.sloped = frozenset(names)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
                 informed = self._parts[name].approximation.takes_polynomials and name not in self._prescribed
-                if name in names and not (informed and self._rate(source) != self.zero):
+                if name in names and not (informed and self._rate_index(source) != self.zero):
                     names.discard(name)
             if len(names) == len(self.sloped):
                 return self.sloped
-
-    def _units(self) -> Indices:
-        """Outputs of one unit share one size."""
-        owners = [driven(self._feeds, r) if r[0] == SIGNALS else r for r in self.references]
-        units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
-        return np.unique(units, return_inverse=True)[1]
 
 
 @final
 class SignalHistory:
     """Past values of the outputs of a strong component that feed others.
 
-    Slopes that no FMU gives are made from the points before a step, else from two inside.  Discrete outputs keep their
-    value from the start of a step until its end.
+    Slopes that no FMU gives are estimated from the points before a step, else from two inside.  Discrete outputs keep
+    their value from the start of a step until its end.
 
     :param curves: curves of the inputs that are fed.
-    :ivar made: indices of the outputs whose slopes are made.
+    :ivar made: indices of the outputs whose slopes are estimated.
     :ivar memory: their values at the last two points, the steps between [s], and how many points there are.
     :ivar others: their values at two :attr:`instants` after the start of the step [s], if they have no past; shape
         (2, n).
@@ -238,14 +236,14 @@ class SignalHistory:
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
         ports = {curve.data[0]: curve.data for curve in curves}.values()
-        made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
+        made = [data[0] for data in ports if len(data) == 2 and signals.references[data[0]][0] not in signals.sloped]
         self.made = as_indices(made)
         n = len(made)
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 
     def record(self, step_in_thirds: Call | None) -> SignalHistoryRecord:
-        """The structure that compiled code reads.
+        """The history for compiled code.
 
         :param step_in_thirds: makes a step, and sets :attr:`others` to the outputs inside it.
         """

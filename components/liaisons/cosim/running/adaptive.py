@@ -9,20 +9,22 @@ The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
+from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.stepping import save_state
+from liaisons.cosim.running.stepping import save_state, state_calls
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import RefusedError
@@ -54,44 +56,59 @@ class Point(NamedTuple):
 
 @final
 @dataclass(frozen=True)
-class Stepper:
-    """Steps of adapted size.
+class CommunicationSteps:
+    """Communication steps of a run, one at a time, and across breaks.
 
     :param calls: those of a communication step.
     :param coupled: the coupling, if it remembers earlier steps.
-    :param cross: makes the tiny step from one instant to another, a break [s]; returns the values of the bus.
-    :param states: calls that save and restore each FMU.
     """
 
     simulation: Simulation
+    instances: Instances
     bus: Bus
-    calls: Iterable[Call]
+    calls: Sequence[Call]
     coupled: Coupled | None
     breaks: Breaks
     deviations: Deviations
-    cross: Callable[[float, float], Vector]
     estimate: Estimate
-    states: Sequence[tuple[Call, Call]]
 
-    def step(self, start: float, stop: float) -> Vector:
-        """Step from one instant to another [s]; returns the values of the bus."""
+    @cached_property
+    def states(self) -> Sequence[tuple[Call, Call]]:
+        """Calls that save and restore each FMU at the start of a step."""
+        return state_calls(self.instances)
+
+    def step(self, start: float, stop: float) -> Point:
+        """Step from one instant to another [s]; returns the point that is reached."""
         self.bus.set_step(start, stop)
         self.deviations.integrate(start, stop, locate=False)
         self.bus.perform(self.calls)
-        return self.bus.values.copy()
+        return Point(stop, self.bus.values.copy(), None)
+
+    def step_across(self, start: float, stop: float) -> Vector:
+        """Step across a break and find the next one; returns the values of the bus."""
+        bus, coupled = self.bus, self.coupled
+        bus.set_step(start, stop)
+        self.breaks.begin_piece(stop)
+        if coupled is None:
+            bus.perform(self.calls)
+        else:
+            coupled.cross_break()
+            bus.perform(self.calls[1:])
+        self.breaks.find_next(stop)
+        return bus.values
 
     def save(self) -> Callable[[], None]:
         """Save the present state, and that of the estimate; returns a function that restores both."""
         memories = [] if self.coupled is None else [self.coupled.memory]
         return save_state(self.bus, self.states, [*memories, self.estimate])
 
-    def end_of_step(self, now: float, end: float, size: float) -> float | None:
-        """End of a step of some size: the given end, or an instant shortly before a break [s].
+    def end_before_break(self, now: float, end: float, size: float) -> float | None:
+        """End of a step of some size [s]: its own end, or an instant shortly before a break.
 
-        :returns: None if the break is so near that it is to be crossed.
+        :returns: None if the break is so near that the step crosses it.
         """
         while True:
-            stop, tiny = end, self.breaks.gap(now, size)
+            stop, tiny = end, self.breaks.tiny_step(now, size)
             if self.breaks.next <= end + rounding(end):
                 stop = self.breaks.next - tiny
                 if stop - now <= tiny:
@@ -100,39 +117,39 @@ class Stepper:
                 return stop
             self.breaks.next = instant
 
-    def cross_break(self, now: float, end: float) -> Point:
+    def cross_next_break(self, now: float, end: float) -> Point:
         """Advance across the next break; returns the point, which is in the result only if the break is at the end."""
         stop = self.breaks.next
         result_time = end if stop >= end - rounding(end) else None
         stop = stop if result_time is None else max(stop, end)
-        return Point(stop, self.cross(now, stop).copy(), result_time, after_break=True)
+        return Point(stop, self.step_across(now, stop).copy(), result_time, after_break=True)
 
 
-def adapt_steps(stepper: Stepper) -> Iterator[Point]:
+def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
     """Step by sizes that keep the error of each step below the tolerance.
 
     :returns: communication points after the start.
     :raises RefusedError: if even the smallest step fails, or its error is too large.
     """
-    simulation, coupled = stepper.simulation, stepper.coupled
+    simulation, coupled = steps.simulation, steps.coupled
     tolerance = simulation.error_tolerance
     assert tolerance is not None
-    power = 2 if coupled is None else coupled.order + 1  # of the size of a step, in its error
+    power = 2 if coupled is None else coupled.error_order + 1  # of the size of a step, in its error
     now, first, end = simulation.times
     size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
-    points = [Point(now, stepper.bus.values.copy(), now)]
+    points = [Point(now, steps.bus.values.copy(), now)]
     while now < end:
         target = end if end - now <= size * (1 + 1e-9) else now + size
-        stop = stepper.end_of_step(now, target, size)
+        stop = steps.end_before_break(now, target, size)
         if stop is None:
-            point = stepper.cross_break(now, end)
+            point = steps.cross_next_break(now, end)
             now = end if point.result_time == end else point.time
             points = [point]
             yield point._replace(result_time=now)
             continue
-        count = 2 if len(points) == 1 and stepper.estimate.can_estimate else 1  # of one step alone there is no estimate
-        go_back = stepper.save()
-        ends, error, refusal = _attempt(stepper, points, stop, count)
+        count = 2 if len(points) == 1 and steps.estimate.can_estimate else 1  # of one step alone there is no estimate
+        go_back = steps.save()
+        ends, error, refusal = _attempt_steps(steps, points, stop, count)
         error /= tolerance
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
         size = max((stop - now) / count * factor, size if error <= 1 and stop < target else 0.0)
@@ -147,75 +164,67 @@ def adapt_steps(stepper: Stepper) -> Iterator[Point]:
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
 
-def divide_steps(stepper: Stepper) -> Iterator[Point]:
+def divide_steps(steps: CommunicationSteps) -> Iterator[Point]:
     """Step between the communication points by equal steps, whose errors add up to less than the tolerance.
 
     :returns: communication points after the start.
     :raises RefusedError: if even the smallest steps fail.
     """
-    times = stepper.simulation.times
-    points, now, count = [Point(times[0], stepper.bus.values.copy(), None)], times[0], _FIRST
+    times = steps.simulation.times
+    points, now, count = [Point(times[0], steps.bus.values.copy(), None)], times[0], _FIRST
     for start, end in pairwise(times):
         error = 0.0
         while now < end:
-            stop = stepper.end_of_step(now, end, end - start)
+            stop = steps.end_before_break(now, end, end - start)
             if stop is None:
-                point = stepper.cross_break(now, end)
-                now, count = end if point.result_time else point.time, max(count, _FIRST)
+                point = steps.cross_next_break(now, end)
+                in_result = point.result_time is not None
+                now, count = end if in_result else point.time, max(count, _FIRST)
                 points = [point]
-                yield point._replace(error=error if point.result_time else None)
+                yield point._replace(error=error if in_result else None)
                 continue
             if len(points) == 1:
                 count = max(count, 2)  # of one step alone there is no estimate
-            ends, added, factor = _divide(stepper, points, stop, count)
+            ends, added, factor = _divide_step(steps, points, stop, count)
             error, now = error + added, stop
             points = [*points, *ends][-_MEMORY:]
             count = max(1, math.ceil(len(ends) * max(factor, 0.5)))
             yield ends[-1]._replace(result_time=stop, error=error) if stop == end else ends[-1]
 
 
-def _divide(stepper: Stepper, points: Sequence[Point], stop: float, count: int) -> tuple[list[Point], float, float]:
-    """Step to an instant [s] by as many equal steps as it takes.
+def _divide_step(
+    steps: CommunicationSteps, points: Sequence[Point], stop: float, count: int
+) -> tuple[list[Point], float, float]:
+    """Step to an instant [s] by equal steps, whose number follows from their errors.
 
     :param points: those since the last break, or the last few of them.
     :param count: number of steps to try first.
     :returns: the ends of the steps, the sum of their errors, and the factor by which their number should grow.
     """
-    go_back = stepper.save()
+    go_back = steps.save()
     while True:
-        ends, error, refusal = _attempt(stepper, points, stop, count)
+        ends, error, refusal = _attempt_steps(steps, points, stop, count)
         if refusal is not None and count > _MOST:
             raise refusal
-        factor = (max(error, 1e-30) / stepper.simulation.step_tolerance) ** (1 / 4) / _SAFETY
+        factor = (max(error, 1e-30) / steps.simulation.step_tolerance) ** (1 / 4) / _SAFETY
         if ends and (factor <= 1 / _SAFETY or count > _MOST):
             return ends, error, factor
         count = min(max(math.ceil(count * min(factor, 4.0)), count + 1), 2 * _MOST)
         go_back()
 
 
-def _attempt(
-    stepper: Stepper, points: Sequence[Point], stop: float, count: int
+def _attempt_steps(
+    steps: CommunicationSteps, points: Sequence[Point], stop: float, count: int
 ) -> tuple[list[Point], float, RefusedError | None]:
-    """Step to an instant [s] by this number of equal steps.
+    """Step to an instant [s] by a number of equal steps.
 
     :returns: the ends of the steps, and the sum of their errors; where a step is refused none, infinity, and why.
     """
     now = points[-1].time
     instants = [*(now + (stop - now) * k / count for k in range(1, count)), stop]
     try:
-        ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
+        ends = [steps.step(first, last) for first, last in pairwise((now, *instants))]
         rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
-        return ends, float(np.sum(stepper.estimate.estimate_last(rows, times, count))), None
+        return ends, float(np.sum(steps.estimate.estimate_last(rows, times, count))), None
     except RefusedError as refusal:
         return [], math.inf, refusal
-
-
-def unit_numbers(simulation: Simulation, bus: Bus) -> Indices:
-    """Number of the unit of each value on the bus; a value that is no Real has a number of its own."""
-    variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
-
-    def kind(name: str, variable: str) -> str:
-        scalar = variables[name][variable] if name in variables else None
-        return scalar.unit if scalar is not None and scalar.type == "Real" else f"{name}.{variable}"
-
-    return np.unique([kind(*reference) for reference in bus.index], return_inverse=True)[1]

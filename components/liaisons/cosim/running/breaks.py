@@ -56,16 +56,19 @@ _MOST, _OFTEN = 20, 3
 class Breaks:
     """The breaks of a simulation, in order of time.
 
-    :ivar divides: whether steps can be divided: all FMUs take steps of any size.
-    :ivar are_samples: whether all are samples and late outputs of sampled FMUs, which hold between them.
-    :ivar next: the next one [s]; infinite if there is none; set to one before it that was found in between.
+    :ivar divides: whether all FMUs take steps of any size, so that steps can end at breaks.
+    :ivar are_samples: whether all breaks are those of sampled FMUs, whose outputs hold between them.
+    :ivar next: the next break [s], infinite if there is none; may be set to an earlier one.
     """
 
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         parts, sources = simulation.parts, {name for name, _ in simulation.feeds.values()}
         self.divides = all(part.fmu.variable_step for part in parts.values())
-        announcing = {n: event for n, part in parts.items() if n in sources and (event := part.fmu.next_event_time)}
-        events = announcing if self.divides else {}
+        events = {
+            name: event
+            for name, part in parts.items()
+            if self.divides and name in sources and (event := part.fmu.next_event_time)
+        }
         self.are_samples = not simulation.drives and all(parts[name].fmu.is_sampled for name in events)
         self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)
         self._bus = bus
@@ -78,16 +81,16 @@ class Breaks:
         self.next = math.inf
 
     def begin_piece(self, time: float) -> None:
-        """Start a smooth piece: functions of time return their limits from the right at this instant [s]."""
+        """Start a smooth piece at an instant [s]: there, functions of time return their limits from the right."""
         for drive in self._drives:
             drive.begin_piece(time)
 
-    def gap(self, time: float, size: float) -> float:
-        """Size of the tiny step to a break, beside steps of a size [s]."""
+    def tiny_step(self, time: float, size: float) -> float:
+        """Size of the tiny step to a break at a time, beside steps of some size [s]."""
         return max(_SHORT * size, 10 * rounding(time), self._nearest)
 
     def find_next(self, time: float) -> None:
-        """Find the next break after an instant [s] that all FMUs have reached."""
+        """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
         if not (self._calls or self._drives):
             return
         self._bus.perform(self._calls)
@@ -97,12 +100,13 @@ class Breaks:
         self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)
 
 
-class _Examined(NamedTuple):
-    """A function of time in some steps.
+class _Comparison(NamedTuple):
+    """A function of time beside its polynomials, in several steps.
 
     :param off: deviations at the nodes, shape (steps, nodes).
     :param sizes: its largest value so far, shape (steps,).
-    :param leaves: whether it deviates by more than a smooth function does; ``jumps``: whether it does at the end.
+    :param leaves: whether a deviation exceeds the tolerance; ``jumps``: whether the limit from the right at the
+        end does.
     """
 
     off: Vector
@@ -115,7 +119,7 @@ class _Examined(NamedTuple):
 class Deviations:
     """Integrals, once and twice, of the deviations of functions of time in the present step, on the bus.
 
-    :param drives: those of integers and Booleans are left out: they are sampled.
+    :param drives: functions of time; those of integers and Booleans are sampled, and left out.
     :param tolerance: relative to the function; a smaller deviation is no break.
     :ivar memory: what was seen of the functions until now.
     :ivar columns: of each input: column of the first of the two integrals, and how many numbers its function returns;
@@ -131,97 +135,99 @@ class Deviations:
         self.columns = {
             input_: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for input_ in drive.inputs
         }
-        n = len(drives)
-        self._sizes, self._breaks, self._overrun, self._end = np.zeros(n), np.zeros(n), np.zeros(n), np.full(1, -np.inf)
-        self.memory = Memory([self._sizes, self._breaks, self._overrun, self._end])
+        self._sizes, self._breaks, self._overrun = numbers = np.zeros((3, len(drives)))
+        self._end = np.full(1, -np.inf)
+        self.memory = Memory([numbers, self._end])
 
     def __bool__(self) -> bool:
         return bool(self._drives)
 
     def integrate_steps(self, times: Vector) -> Vector:
-        """The integrals of steps from each of these instants [s] to the next, up to the first that may have a break.
+        """The integrals of steps between instants [s], up to the first step that may have a break.
 
         :returns: shape (steps, columns), of the columns :attr:`span` of the bus; no steps if a function raises.
         """
         try:
-            examined = [self._examine(k, times) for k in range(len(self._drives))]
+            compared = [self._compare(k, times) for k in range(len(self._drives))]
         except SimulationError:
             return np.empty((0, self._values.size))
-        breaks = [(one.leaves | one.jumps) & (self._overrun[k] < _OFTEN) for k, one in enumerate(examined)]
+        breaks = [(one.leaves | one.jumps) & (self._overrun[k] < _OFTEN) for k, one in enumerate(compared)]
         many = min((int(np.argmax(steps)) for steps in breaks if steps.any()), default=len(times) - 1)
         if many:
-            self._sizes[:] = [one.sizes[many - 1] for one in examined]
+            self._sizes[:] = [one.sizes[many - 1] for one in compared]
             if times[many] > self._end:  # not a step that was cut
-                self._count_breaks(float(times[many]))
+                self._begin_count(float(times[many]))
         steps = np.diff(times)
-        return np.hstack([_integrals(one.off, steps) for one in examined])[:many]
+        return np.hstack([_deviation_integrals(one.off, steps) for one in compared])[:many]
 
     def integrate(self, start: float, end: float, *, locate: bool = True) -> float:
-        """Evaluate the integrals between two instants [s].
+        """Put the integrals between two instants [s] on the bus.
 
         :param locate: search for breaks, too.
         :returns: the first break after the start and not after the end [s]; infinite if there is none.
         """
-        times, first = np.array([start, end]), math.inf
-        for k in range(len(self._drives)):
-            if not locate:
-                self._values[k] = _integrals(_compare(self._drives[k], times)[0][0], end - start)
-                continue
-            examined = self._examine(k, times)
-            self._values[k] = _integrals(examined.off[0], end - start)
-            self._sizes[k] = examined.sizes[0]
-            if start >= self._end:  # not a step that was cut
-                self._count_breaks(end)
-            if self._breaks[k] < _MOST and self._overrun[k] < _OFTEN:
-                instant = self._locate_break(k, start, end, examined)
-                self._breaks[k] += instant < math.inf
-                first = min(first, instant)
+        times = np.array([start, end])
+        if not self._drives:
+            return math.inf
+        if not locate:
+            self._values[:] = [_deviation_integrals(_deviations(d, times)[0][0], end - start) for d in self._drives]
+            return math.inf
+        compared = [self._compare(k, times) for k in range(len(self._drives))]
+        self._values[:] = [_deviation_integrals(one.off[0], end - start) for one in compared]
+        self._sizes[:] = [one.sizes[0] for one in compared]
+        if start >= self._end:  # not a step that was cut
+            self._begin_count(end)
+        first = math.inf
+        for k in np.flatnonzero((self._breaks < _MOST) & (self._overrun < _OFTEN)).tolist():
+            instant = self._locate_break(k, start, end, compared[k])
+            self._breaks[k] += instant < math.inf
+            first = min(first, instant)
         return first
 
-    def _count_breaks(self, end: float) -> None:
-        """Count the functions with too many breaks in a step, and begin the next one, to an instant [s]."""
+    def _begin_count(self, end: float) -> None:
+        """Begin to count the breaks in the step to an instant [s]; note the functions with too many in the last one."""
         self._end[:] = end
         self._overrun += self._breaks >= _MOST
         self._breaks[:] = 0
 
-    def _examine(self, k: int, times: Vector) -> _Examined:
-        """Compare a function with its polynomials in the steps from each of these instants [s] to the next."""
+    def _compare(self, k: int, times: Vector) -> _Comparison:
+        """Compare a function with its polynomials in the steps between instants [s]."""
         drive, steps = self._drives[k], np.diff(times)[:, None]
-        off, begin, end = _compare(drive, times)
+        off, begin, end = _deviations(drive, times)
         sizes = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
         sizes = np.maximum.accumulate(sizes)
         right = drive.sample(times[1:] + drive.rounding(times[1:])) * steps ** np.arange(len(drive.inputs))
         allowed = self._tolerance * np.where(sizes > 0, sizes, 1.0)
-        return _Examined(off, sizes, np.abs(off).max(axis=1) > allowed, np.abs(right - end).max(axis=1) > allowed)
+        return _Comparison(off, sizes, np.abs(off).max(axis=1) > allowed, np.abs(right - end).max(axis=1) > allowed)
 
-    def _locate_break(self, k: int, start: float, end: float, examined: _Examined) -> float:
+    def _locate_break(self, k: int, start: float, end: float, compared: _Comparison) -> float:
         """The first break of a function in a step [s]; infinite if there is none."""
         instant, drive = None, self._drives[k]
-        if examined.leaves[0]:
-            nothing = _NOTHING * float(examined.sizes[0] or 1.0)
-            instant = _bisect(drive, start, end, float(np.abs(examined.off).max()), nothing)
-        if instant is None and examined.jumps[0]:
+        if compared.leaves[0]:
+            nothing = _NOTHING * float(compared.sizes[0] or 1.0)
+            instant = _bisect_break(drive, start, end, float(np.abs(compared.off).max()), nothing)
+        if instant is None and compared.jumps[0]:
             instant = end
         return math.inf if instant is None or instant <= start + rounding(start) else instant
 
 
-def _integrals(off: Vector, size: ArrayLike) -> Vector:
-    """∫ and ∫∫ of deviations at the nodes; each takes the sign of their mean, so that none cancel."""
+def _deviation_integrals(off: Vector, size: ArrayLike) -> Vector:
+    """∫ and ∫∫ of deviations over a step, from their absolute values at the nodes, with the sign of their mean."""
     size = np.asarray(size)
-    sizes = np.copysign(np.abs(off), _multiply(off, _WEIGHTS[:, None]))
-    return _multiply(sizes, _ONCE_TWICE) * np.stack([size, size**2], -1)
+    sizes = np.copysign(np.abs(off), _multiply_rows(off, _WEIGHTS[:, None]))
+    return _multiply_rows(sizes, _ONCE_TWICE) * np.stack([size, size**2], -1)
 
 
-def _multiply(rows: Vector, matrix: Vector) -> Vector:
-    """Rows times a matrix, row by row: a step alone gets the same bits as among others."""
+def _multiply_rows(rows: Vector, matrix: Vector) -> Vector:
+    """Products of rows and a matrix, one row at a time: a single one gets the same bits as several."""
     return (rows[..., None, :] @ matrix)[..., 0, :]
 
 
-def _bisect(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
-    """Locate the break of the largest deviation by bisection [s]; None if the function is smooth."""
+def _bisect_break(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
+    """Instant of a break by bisection [s], in the half with the larger deviation; None if the function is smooth."""
     before = 0.0
     while start < (middle := (start + end) / 2) < end and deviation > nothing:
-        left, right = np.abs(_compare(drive, np.array([start, middle, end]))[0]).max(axis=1).tolist()
+        left, right = np.abs(_deviations(drive, np.array([start, middle, end]))[0]).max(axis=1).tolist()
         shrunk = max(left, right) < _SMOOTH * deviation
         if shrunk and deviation < _SMOOTH * before:
             return None
@@ -230,8 +236,8 @@ def _bisect(drive: Drive, start: float, end: float, deviation: float, nothing: f
     return end
 
 
-def _compare(drive: Drive, times: Vector) -> tuple[Vector, Vector, Vector]:
-    """Deviations of a function in steps from the quintic through both ends of a port, else the cubic through thirds.
+def _deviations(drive: Drive, times: Vector) -> tuple[Vector, Vector, Vector]:
+    """Deviations of a function from its polynomials in steps: of a port the quintic, else the cubic through thirds.
 
     :returns: at the nodes, shape (steps, nodes); and the data of the polynomials at both ends, shape (steps, data).
     """
@@ -242,7 +248,7 @@ def _compare(drive: Drive, times: Vector) -> tuple[Vector, Vector, Vector]:
     begin, end = ends[:-1] * powers, ends[1:] * powers
     if len(drive.inputs) < 3:
         between = drive.sample(times[:-1, None] + steps * _THIRDS[1:-1])[..., 0]
-        through = _multiply(np.hstack([begin[:, :1], between, end[:, :1]]), _CUBIC.T)
+        through = _multiply_rows(np.hstack([begin[:, :1], between, end[:, :1]]), _CUBIC.T)
     else:
-        through = _multiply(np.hstack([begin, end]), _QUINTIC.T)
+        through = _multiply_rows(np.hstack([begin, end]), _QUINTIC.T)
     return inside - through, begin, end

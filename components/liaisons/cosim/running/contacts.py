@@ -55,26 +55,26 @@ class ContactMechanism:
 
 
 def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
-    """Variables of each of its contacts: distance, its rate, whether it is closed, and how many impacts there were."""
+    """Variables of each contact of an FMU: distance, its rate, whether it is closed, and number of impacts."""
     variables = part.fmu.variables
-    found: list[list[VariableReference]] = []
+    contacts: list[list[VariableReference]] = []
     for name, ending, element in (variable.rpartition("_impacts") for variable in variables):
         names = [f"{name}{suffix}{element}" for suffix in ("", "_dot", "_closed", "_impacts")]
         if ending and all(other in variables for other in names):
-            found.append([(part.name, other) for other in names])
-    return found
+            contacts.append([(part.name, other) for other in names])
+    return contacts
 
 
 def friction_directions(part: SystemComponent) -> list[VariableReference]:
-    """Sign of the velocity of each of its dry frictions, 0 while it sticks."""
+    """Variable of each dry friction of an FMU: sign of its velocity, 0 while it sticks."""
     variables = part.fmu.variables
-    names = ((name, *name.rpartition("_sticks")) for name in variables)
-    pairs = [f"{base}_direction{element}" for _, base, ending, element in names if ending]
+    parts = (name.rpartition("_sticks") for name in variables)
+    pairs = [f"{base}_direction{element}" for base, ending, element in parts if ending]
     return [(part.name, name) for name in pairs if name in variables]
 
 
 def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
-    """Sum of the impulses of each of its contacts -> force of the contact, which acts alike."""
+    """Of each contact of an FMU: variable of the sum of its impulses -> that of its force."""
     sums: dict[VariableReference, VariableReference] = {}
     for *_, (owner, impacts) in contact_variables(part):
         name, _, element = impacts.rpartition("_impacts")
@@ -82,21 +82,22 @@ def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableR
     return sums
 
 
-def accumulated(
+def accumulated_errors(
     mechanism: ContactMechanism,
     rows: Vector,
     times: Vector,
     off: Vector,
     added: Vector,
     *,
-    crossing: NDArray[np.bool_] | bool = False,
+    crossing: NDArray[np.bool_],
 ) -> Vector:
-    """Error at each point, relative to the largest distance and rate, at most 1, shape (points,).
+    """Error of a mechanism with contacts at each point, relative to its largest distance and rate, at most 1.
 
-    :param rows: what was on the bus, shape (points, width).
-    :param off: mean, in the step that ends at a point, of what its inputs are off, in units of distances.
-    :param added: what the step adds to the motion otherwise, relative to its size.
+    :param rows: values of the bus, shape (points, width).
+    :param off: mean error of the inputs in the step that ends at a point, in units of distances.
+    :param added: error that the step adds to the motion otherwise, relative to its size.
     :param crossing: which points are ends of tiny steps, in which impacts are not always counted.
+    :returns: shape (points,).
     """
     steps, errors = np.diff(times), np.zeros(len(times))
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
@@ -106,12 +107,12 @@ def accumulated(
     if max(length, speed) > _DIVERGED:
         errors[1:] = 1.0
         return errors
-    tiny = np.broadcast_to(crossing, times.shape)[1:]
+    tiny = crossing[1:]
     turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
     struck = (np.diff(impacts) != 0) | (tiny & turned)
     released = np.any(np.diff(closed) != 0, axis=0)
     accelerations = _accelerations(rates, steps, struck | tiny)
-    lowest = _lowest(gaps, rates, accelerations, steps)
+    lowest = _lower_bounds(gaps, rates, accelerations, steps)
     at_rest = np.all(closed != 0, axis=0)
     xx = xv = vv = 0.0
     for k, H in enumerate(steps.tolist()):
@@ -124,7 +125,7 @@ def accumulated(
         for c in range(len(gaps)):
             a, reach = accelerations[c, k], math.sqrt(xx) + d
             if struck[c, k]:
-                e, w = _impact(gaps[c, k], rates[c, k : k + 2], a * H, a)
+                e, w = _restitution_and_speed(gaps[c, k], rates[c, k : k + 2], a * H, a)
                 b = math.copysign(min(abs(a) / w, math.sqrt(2 * abs(a) / reach)), a) * (1 + e) if reach else 0.0
                 xx, xv, vv = (
                     e**2 * xx + ((1 + e) * d) ** 2,
@@ -142,16 +143,16 @@ def accumulated(
 
 
 def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
-    """Mean acceleration of each distance in each step; where there is an impact, that of the steps beside it."""
-    found = np.diff(rates) / steps
-    for one, hit in zip(found, struck, strict=True):
+    """Mean acceleration of each distance in each step; of a step with an impact, from the steps beside it."""
+    accelerations = np.diff(rates) / steps
+    for row, hit in zip(accelerations, struck, strict=True):
         free = np.flatnonzero(~hit)
         if len(free):
-            one[hit] = np.interp(np.flatnonzero(hit), free, one[free])
-    return found
+            row[hit] = np.interp(np.flatnonzero(hit), free, row[free])
+    return accelerations
 
 
-def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
+def _lower_bounds(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
     """Lower bound of the distance within each step, by the cubic through its ends; infinite where it is monotonic."""
     x = np.linspace(0, 1, 17)[:, None, None]
     g, v = begin = gaps[:, :-1], rates[:, :-1]
@@ -164,9 +165,12 @@ def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -
     return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
 
 
-def _impact(gap: float, rates: Vector, change: float, a: float) -> tuple[float, float]:
-    """Coefficient of restitution and speed of an impact, by the distance before it and rates before and after."""
-    jump, w = rates[1] - rates[0] - change, math.sqrt(max(rates[0] ** 2 - 2 * a * gap, 0.0))
+def _restitution_and_speed(gap: float, rates: Vector, change: float, acceleration: float) -> tuple[float, float]:
+    """Coefficient of restitution and speed of an impact.
+
+    :param gap: distance before it; ``rates`` before and after; ``change`` of the rate by the acceleration.
+    """
+    jump, w = rates[1] - rates[0] - change, math.sqrt(max(rates[0] ** 2 - 2 * acceleration * gap, 0.0))
     if jump <= 0:
         return 1.0, max(w, 1e-300)
     w = min(max(w, jump / 2), jump)
@@ -174,7 +178,7 @@ def _impact(gap: float, rates: Vector, change: float, a: float) -> tuple[float, 
 
 
 class MissingImpulses(NamedTuple):
-    """Sum of impulses that a connection lacks, at the communication points; ``points`` where it has changed."""
+    """Sum of impulses that do not go through a connection, at the communication points; ``points`` where it changes."""
 
     connection: Connection
     variable: VariableReference
@@ -182,13 +186,12 @@ class MissingImpulses(NamedTuple):
     points: Indices
 
 
-def sums_of_missing(
+def connections_without_impulses(
     simulation: Simulation, solved: Collection[VariableReference]
 ) -> dict[VariableReference, Connection]:
-    """Sums of impulses, with the connection of a force that lacks them.
+    """Sum of impulses -> connection of a force through which these impulses do not go.
 
-    Those of the operators of a mechanism that is moved, and those of the contacts of one that moves another, which
-    takes no part in the impacts.
+    The sums are those of the operators of a mechanism that is moved, and of the contacts of one that moves another.
 
     :param solved: forces that are connected together with their impulses.
     """
@@ -203,10 +206,10 @@ def sums_of_missing(
     return connections
 
 
-def not_handed_on(
+def connections_that_stop_impulses(
     simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
 ) -> dict[VariableReference, Connection]:
-    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on.
+    """Received sum of impulses -> connection that should hand them on, since its force depends on loads or rates.
 
     :param solved: forces that are connected together with their impulses.
     :param received: sums of impulses that an FMU receives -> load beside.
@@ -223,23 +226,18 @@ def not_handed_on(
         if (place := jumping.get(connection.target.part.name)) and terminal is not None and terminal.motion:
             causes.append((place, terminal.motion[2]))
         for place, cause in causes:
-            if _depends(simulation, moved, force, cause):
+            if cause in connection.source.part.fmu.variables and simulation.depends((moved, force), (moved, cause)):
                 connections.setdefault(place, connection)
     return connections
-
-
-def _depends(simulation: Simulation, name: str, output: str, input_: str) -> bool:
-    """Whether an output depends directly on an input, if there is one."""
-    return input_ in simulation.parts[name].fmu.variables and simulation.depends((name, output), (name, input_))
 
 
 def missing_impulses(
     connections: Mapping[VariableReference, Connection], times: Vector, columns: Mapping[VariableReference, Vector]
 ) -> list[MissingImpulses]:
-    """Impulses that connections lack, of each connection that lacks some.
+    """Impulses that did not go through connections, of each connection with some.
 
-    :param connections: by their sums of impulses.
-    :param columns: values at the communication points.
+    :param connections: see :func:`connections_without_impulses`.
+    :param columns: values of variables at the communication points.
     """
     missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
@@ -251,7 +249,7 @@ def missing_impulses(
 
 
 def warn_of_missing(title: str, times: Vector, impulses: Iterable[MissingImpulses]) -> None:
-    """Warn of each connection that lacks impulses."""
+    """Warn of each connection that impulses do not go through."""
     for connection, variable, sums, (first, *others) in impulses:
         logger.warning(
             "%s: impulses do not go through %s: of %s, %.4g N.s at t = %.6g s and %d more; what follows is wrong by an "

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from liaisons.base.hermite import coefficients
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import ContactMechanism, accumulated
+from liaisons.cosim.running.contacts import ContactMechanism, accumulated_errors
 from liaisons.cosim.structure.schedule import VariableReference
 
 Flags = NDArray[np.bool_]
@@ -51,10 +51,10 @@ class InputReconstruction:
     """The polynomial that an input follows over a step.
 
     :param name: of the connection.
-    :param given: column of the input; ``data`` those of value, first and second derivative, as far as used.
+    :param column: of the input; ``data`` those of value, first and second derivative, as far as used.
     :param order: which derivative of the data the input is.
     :param effects: column of ∂(acceleration)/∂(input), and those of the rate and the value of that acceleration.
-    :param answers: columns of what its FMU gives, where there are no effects.
+    :param answers: columns of the outputs of its FMU, where there are no effects.
     """
 
     name: str
@@ -66,7 +66,7 @@ class InputReconstruction:
     answers: tuple[int, ...]
 
     @property
-    def power(self) -> int:
+    def step_size_power(self) -> int:
         """Power of H in the error of a step."""
         count = len(self.data)
         powers = {"hermite": 2 * count + 1, "points": 5, "quintic": 7, "cubic": 5, "taylor": count - self.order + 1}
@@ -76,7 +76,7 @@ class InputReconstruction:
 @final
 @dataclass(frozen=True)
 class Worst:
-    """The largest error of a step: its time [s], signal, connection, size [s], and the power of that size."""
+    """The largest error of a step: its time [s], signal, connection, step size [s], and the power of that size."""
 
     error: float
     time: float
@@ -86,7 +86,7 @@ class Worst:
     power: int
 
     def warn(self, total: float) -> None:
-        """Warn if this error, or the total of all steps, is too large."""
+        """Warn if this error exceeds :data:`ALLOWED`, or the total of all steps does."""
         if not max(self.error, total) > ALLOWED:
             return
         one = f"coupling error {self.error:.2g} of {self.signal} at t = {self.time:.6g} s"
@@ -96,20 +96,20 @@ class Worst:
             words,
             self.connection,
             self.size,
-            self._enough(total),
+            self._sufficient_step_size(total),
         )
 
-    def _enough(self, total: float) -> float:
+    def _sufficient_step_size(self, total: float) -> float:
         """Step size [s] that keeps the total below :data:`ALLOWED`, rounded down to one digit."""
-        enough = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
-        digit = 10.0 ** floor(log10(enough))
-        return floor(enough / digit) * digit
+        size = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
+        digit = 10.0 ** floor(log10(size))
+        return floor(size / digit) * digit
 
 
 @final
 @dataclass(frozen=True)
 class _Watched:
-    """A mechanism with contacts; indices of its prescribed motions, and of the targets of their errors."""
+    """A mechanism with contacts; numbers of its input reconstructions, and of the signals that their errors reach."""
 
     mechanism: ContactMechanism
     items: list[int]
@@ -120,10 +120,12 @@ class _Watched:
 class Estimate:
     """Errors of communication steps, by the values of the bus at their ends.
 
-    :param followed: what inputs follow.
-    :param columns: what is on the bus, and where.
-    :param kinds: what of it is compared with what, shape (width,).
+    :param followed: polynomials of inputs.
+    :param columns: variable -> its column on the bus.
+    :param kinds: number of the unit of each column, shape (width,).
     :param mechanisms: those with contacts.
+    :ivar can_estimate: whether any error can be estimated.
+    :ivar worst: the largest error of a step; None if all are 0.
     """
 
     def __init__(
@@ -139,10 +141,11 @@ class Estimate:
         self._alike = [(key, np.array([(item.column, *item.data) for item in items])) for key, items in alike.items()]
         self._followed = [item for items in alike.values() for item in items]
         self._names = {column: ".".join(reference) for reference, column in columns.items()}
-        effects = sorted(effect for k, item in enumerate(self._followed) for effect in _effects(k, item))
+        effects = sorted(effect for k, item in enumerate(self._followed) for effect in _error_targets(k, item))
         targets, self._of, gains, once = as_indices(effects).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
         self._targets, self._starts = np.unique(targets, return_index=True)
+        self.can_estimate = len(self._targets) > 0
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
         self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
         self._kinds = kinds
@@ -162,16 +165,11 @@ class Estimate:
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
 
-    @property
-    def can_estimate(self) -> bool:
-        """Whether any error can be estimated."""
-        return len(self._targets) > 0
+    def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
+        """The error that each step adds, relative to the largest value of the signal's unit so far.
 
-    def __call__(self, rows: Vector, times: Vector, after_break: Sequence[int] = ()) -> Vector:
-        """The error that each step has added, relative to the largest value of the signal's unit so far.
-
-        :param rows: what was on the bus, shape (points, width).
-        :param begins: points at which, after a break, a smooth piece begins.
+        :param rows: values of the bus, shape (points, width).
+        :param crossing: which points are ends of tiny steps to breaks.
         :returns: shape (points,); 0 for the first of each piece, not a number for one whose only step has no neighbour.
         """
         errors = np.zeros(len(times))
@@ -179,45 +177,45 @@ class Estimate:
             return errors
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])
-        crossing = np.zeros(len(times), dtype=bool)
-        crossing[list(after_break)] = True
         for first in range(1, len(times), block):
             begin, end = max(first - _BACK, 0), min(first + block, len(times))
             signals = np.ascontiguousarray(rows[begin:end].T)
             ends = crossing[begin + 1 : end]
-            errors[first:end] = self._of_block(signals, times[begin:end], first - begin, ends)
+            errors[first:end] = self._estimate_block(signals, times[begin:end], first - begin, ends)
             off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
         for watched, *both in zip(self._mechanisms, off, added, strict=True):
             if np.any(both):
-                np.fmax(errors, self._magnify(watched, rows, times, *both, crossing=crossing), out=errors)
+                np.fmax(errors, self._magnify_by_impacts(watched, rows, times, *both, crossing=crossing), out=errors)
         return errors
 
-    def _magnify(
+    def _magnify_by_impacts(
         self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector, *, crossing: Flags
     ) -> Vector:
-        """Errors of a mechanism with contacts, magnified by its impacts."""
+        """Errors that each step adds to a mechanism with contacts, magnified by its impacts; updates the worst."""
         steps = np.append(1.0, np.diff(times))
         shorter = np.fmin(1.0, steps[1:] / steps[:-1]), np.fmin(1.0, steps[:-1] / steps[1:])
         # One alone may be 0 by chance.
         off = np.fmax(np.fmax(off, np.append(off[1:] * shorter[1], 0.0)), np.append(0.0, off[:-1] * shorter[0]))
         off[crossing] = 0.0  # an impact there is solved by itself
-        increase = np.diff(accumulated(watched.mechanism, rows, times, off, added, crossing=crossing), prepend=0.0)
+        increase = np.diff(
+            accumulated_errors(watched.mechanism, rows, times, off, added, crossing=crossing), prepend=0.0
+        )
         latest = int(np.argmax(increase))
-        if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
+        if watched.items:
             item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
-            signal, size = self._names[int(watched.mechanism.contacts[0, 0])], times[latest] - times[latest - 1]
-            self.worst = Worst(float(increase[latest]), float(times[latest]), signal, item.name, size, item.power)
+            distance, size = watched.mechanism.contacts[0, 0], steps[latest]
+            self._update_worst(increase[latest], times[latest], distance, item, size)
         return increase
 
     def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:
-        """Errors of the last steps.
+        """Errors that the last steps add, before the steps after them are made.
 
-        :param count: how many; those before have been estimated.
+        :param count: number of these steps.
         """
         if not self.can_estimate:
             return np.zeros(count)
         signals = np.ascontiguousarray(rows.T)
-        errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool), ahead=True)
+        errors = self._estimate_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool), ahead=True)
         for watched, off in zip(self._mechanisms, self._contacts[0], strict=True):
             sizes = np.abs(signals[sorted(watched.mechanism.inputs)]).max(initial=0.0)
             errors = np.fmax(errors, off[-count:] / (sizes or 1.0))
@@ -228,16 +226,18 @@ class Estimate:
         return self._sizes.copy(), self.worst
 
     def restore(self, snapshot: tuple[Vector, Worst | None]) -> None:
-        """Return to a snapshot; signals that were 0 until then keep their sizes."""
+        """Restore a saved state; signals that were 0 until then keep their sizes."""
         sizes, self.worst = snapshot
         np.copyto(self._sizes, sizes, where=sizes > 0)
 
-    def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags, *, ahead: bool = False) -> Vector:
-        """Errors of a few steps, from the one that ends at the point ``first`` on.
+    def _estimate_block(
+        self, signals: Vector, times: Vector, first: int, crossing: Flags, *, ahead: bool = False
+    ) -> Vector:
+        """Errors of steps from the one that ends at the point ``first`` on; updates sizes of signals and the worst.
 
         :param signals: shape (width, points).
         :param crossing: which of the steps are the tiny ones to a break.
-        :param ahead: an FMU without derivatives may answer later, by as much as its input changes.
+        :param ahead: outputs of an FMU without derivatives may follow later, by as much as its input changes.
         """
         steps = np.diff(times)
         scales = np.abs(signals[self._targets])
@@ -245,7 +245,7 @@ class Estimate:
             largest = np.maximum(np.maximum.accumulate(scales[targets].max(axis=0)), self._sizes[k])
             self._sizes[k] = largest[-1]
             scales[targets] = np.where(largest > 0, largest, 1.0)
-        integrals = [_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
+        integrals = [_error_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
         once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
         has_gain = self._gains >= 0
@@ -263,31 +263,37 @@ class Estimate:
         means[:, crossing] = 0.0
         self._contacts = np.zeros((2, len(self._mechanisms), len(steps)))
         for k, watched in enumerate(self._mechanisms):
-            self._contacts[0, k] = sum(means[item] * self._lever(watched, item, signals) for item in watched.items)
+            self._contacts[0, k] = sum(
+                means[item] * self._distance_per_input(watched, item, signals) for item in watched.items
+            )
             self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
-        if errors[latest] > (self.worst.error if self.worst else 0.0):
-            self._update_worst(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
+        target = int(np.argmax(totals[:, latest]))
+        start, end = (*self._starts, len(added))[target : target + 2]
+        item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end, latest])))]]
+        self._update_worst(errors[latest], times[latest + 1], self._targets[target], item, steps[latest])
         return errors[first - 1 :]
 
-    def _lever(self, watched: _Watched, k: int, signals: Vector) -> float:
-        """Ratio of a change of distance to that of an input; between different units, the ratio of their sizes."""
+    def _distance_per_input(self, watched: _Watched, k: int, signals: Vector) -> float:
+        """Change of a contact's distance by that of an input: 1; between different units, the ratio of their sizes."""
         pair = [self._followed[k].column, int(watched.mechanism.contacts[0, 0])]
         if self._kinds[pair[0]] == self._kinds[pair[1]]:
             return 1.0
         sizes = np.abs(signals[pair]).max(axis=1)
         return float(sizes[1] / sizes[0]) if sizes[0] > 0 else 0.0
 
-    def _update_worst(self, added: Vector, totals: Vector, time: float, size: float) -> None:
-        target = int(np.argmax(totals))
-        start, end = (*self._starts, len(added))[target : target + 2]
-        item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end])))]]
-        signal = self._names[int(self._targets[target])]
-        self.worst = Worst(float(totals[target]), time, signal, item.name, size, item.power)
+    def _update_worst(self, error: float, time: float, column: int, item: InputReconstruction, size: float) -> None:
+        """Replace the worst error by a larger one, of the signal in a column of the bus."""
+        if error > (self.worst.error if self.worst else 0.0):
+            signal = self._names[int(column)]
+            self.worst = Worst(float(error), float(time), signal, item.name, float(size), item.step_size_power)
 
 
-def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
-    """Yield target column, input, column of the derivative (-1: unknown), and whether it is integrated once."""
+def _error_targets(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
+    """Yield of each signal that an input's error reaches its column, the input, the derivative's column, and ``once``.
+
+    The column of the derivative is -1 if it is unknown; ``once`` says whether the error is integrated once, else twice.
+    """
     if not item.effects:
         yield item.column, k, -1, 1
     smooth = item.shape in {"hermite", "quintic"}
@@ -298,7 +304,7 @@ def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int,
             yield value, k, gain, 0
 
 
-def _integrals(
+def _error_integrals(
     key: tuple[Shape, int, int], columns: Indices, signals: Vector, steps: Vector, crossing: Flags
 ) -> Integrals:
     """∫ e and ∫ (t + H - τ) e over each step of the errors e of inputs, shape (inputs, steps) each."""
@@ -306,10 +312,10 @@ def _integrals(
     data = signals[columns[:, 1:].T]  # (count, inputs, points)
     change = np.diff(data[0])
     if shape in {"hermite", "quintic", "cubic"}:
-        once, twice = _hermite(data, steps, crossing) if shape == "hermite" else data[:2, :, 1:]
+        once, twice = _hermite_integrals(data, steps, crossing) if shape == "hermite" else data[:2, :, 1:]
         return (once, twice) if order == 0 else (once, once)
     if shape == "points":
-        once = _points_of_pieces(data[0], steps, crossing)
+        once = _cubic_integrals(data[0], steps, crossing)
         return once, once * steps / 2
     if shape == "taylor":
         power = count - order
@@ -317,13 +323,13 @@ def _integrals(
         late, off = data[order, :, :-1] - signals[columns[:, 0], :-1], data[order, :, 1:] - parabola
         return steps * (late + off / (power + 1)), steps**2 * (late / 2 + off / ((power + 1) * (power + 2)))
     if shape == "mean":
-        once, _ = _hermite(data, steps, crossing)
+        once, _ = _hermite_integrals(data, steps, crossing)
         return once, once * steps / 2 - steps**2 * change / 12
     return -steps * change / 2, -(steps**2) * change / 3
 
 
-def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
-    """The integrals for Hermite polynomials: their remainder follows from one more point, before or after the step."""
+def _hermite_integrals(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
+    """∫ e and ∫ (t + H - τ) e for Hermite polynomials, by the remainder at a point before or after the step."""
     m, many = len(data), len(steps)
     sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
     before, after = sizes[:-2] / steps, sizes[2:] / steps
@@ -350,17 +356,17 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
     return once, twice
 
 
-def _points_of_pieces(values: Vector, steps: Vector, crossing: Flags) -> Vector:
-    """∫ e for cubics through points, piece by piece."""
+def _cubic_integrals(values: Vector, steps: Vector, crossing: Flags) -> Vector:
+    """∫ e for cubics through points, which cross no break."""
     once = np.zeros((len(values), len(steps)))
     for first, end in pairwise((-1, *np.flatnonzero(crossing), len(steps))):
         if end > first + 1:
-            once[:, first + 1 : end] = _points(values[:, first + 1 : end + 1], steps[first + 1 : end])
+            once[:, first + 1 : end] = _cubic_integrals_of_piece(values[:, first + 1 : end + 1], steps[first + 1 : end])
     return once
 
 
-def _points(values: Vector, steps: Vector) -> Vector:
-    """∫ e for cubics through points of one piece: their remainder follows from one more point before the step."""
+def _cubic_integrals_of_piece(values: Vector, steps: Vector) -> Vector:
+    """∫ e for cubics through points of a smooth piece, by the remainder at one more point before the step."""
     differences = [values]
     for order in range(1, min(_BACK, len(steps)) + 1):
         spans = sum(steps[k : len(steps) - order + 1 + k] for k in range(order))

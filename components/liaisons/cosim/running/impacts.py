@@ -21,17 +21,18 @@ from typing import final
 import numpy as np
 
 from liaisons.base.port_names import jump_name
-from liaisons.cosim.arrays import Vector, as_indices
+from liaisons.cosim.arrays import Memory, Vector, as_indices
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.instances.protocol import Instance, Instances
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import (
     LEAST_IMPULSE,
+    connections_that_stop_impulses,
     contact_impulses,
     contact_variables,
     friction_directions,
-    not_handed_on,
 )
+from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
@@ -76,7 +77,7 @@ class ImpulsivePort:
 
 
 def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
-    """Connections through which impulses go: FMUs go back, take steps of any size, and follow polynomials.
+    """Connections through which impulses go: both FMUs can go back, take steps of any size, and follow polynomials.
 
     :raises SimulationError: if errors choose the steps.
     """
@@ -117,8 +118,8 @@ class _Node:
     :param results: indices, among the equations, of what its outputs increase by.
     """
 
-    def __init__(self, name: str, ports: Sequence[ImpulsivePort], instances: Instances, bus: Bus) -> None:
-        instance, count = instances[name], len(ports)
+    def __init__(self, part: SystemComponent, ports: Sequence[ImpulsivePort], instance: Instance, bus: Bus) -> None:
+        name, variables, count = part.name, part.fmu.variables, len(ports)
         moved = [j for j, port in enumerate(ports) if port.moved == name]
         moving = [j for j, port in enumerate(ports) if port.mover == name]
         places = [
@@ -130,17 +131,14 @@ class _Node:
             *(ports[j].impulse.source.place for j in moved),
             *(ports[j].rate.source.place for j in moving),
         ]
-        own = next(end.part for p in ports for end in (p.impulse.source, p.impulse.target) if end.part.name == name)
-        variables = own.fmu.variables
         self.increments = as_indices([*moved, *moved, *(count + j for j in moving)])
         self.results = as_indices([*(count + j for j in moved), *moving])
-        factors = [*(ports[j].factors[1] for j in moved), *(ports[j].factors[0] for j in moving)]
-        self._factors = np.array(factors)
+        self._factors = np.array([*(ports[j].factors[1] for j in moved), *(ports[j].factors[0] for j in moving)])
         self.inputs, self.outputs = np.zeros(len(places)), np.zeros(len(outputs))
         self.sums = np.zeros(len(places))  # of jumps and impulses so far; of rates nothing
         self.handed = np.zeros(len(moved))  # impulses of its operators that have been handed on
-        self._rates = as_indices([bus.index[variable] for variable in places[: len(moved)]])
-        self.impulses = as_indices([bus.index[variable] for variable in outputs[: len(moved)]])
+        self._rates = bus.columns(places[: len(moved)])
+        self.impulses = bus.columns(outputs[: len(moved)])
         self._is_sum = np.arange(len(places)) >= len(moved)
         self._bus = bus
         self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
@@ -150,13 +148,16 @@ class _Node:
         self._lost, self._lost_before = np.zeros(1), 0.0
         self._get_loss = [instance.getter(lost, self._lost)] if lost else []
 
-    def loss(self) -> float:
+    def energy_loss(self) -> float:
         """Energy that its contacts have lost in this impact [J]."""
         self._bus.perform(self._get_loss)
         return float(self._lost[0] - self._lost_before)
 
     def begin(self, rates: Vector | None = None) -> None:
-        """Begin with the present state; its rates are those on the bus, or those that an impact has left."""
+        """Begin an impact in the present state.
+
+        :param rates: of its moved ports; None: those on the bus.
+        """
         self._bus.perform([self._save, self._get, *self._get_loss])
         self._lost_before = float(self._lost[0])
         self.before = self.outputs.copy()
@@ -165,17 +166,16 @@ class _Node:
         self.starts[: len(self._rates)] = self._bus.values[self._rates] if rates is None else rates
 
     def respond(self, unknowns: Vector) -> Vector:
-        """What its outputs increase by, in the units of the other side, where its inputs increase by the unknowns."""
+        """Increments of its outputs, in the units of the other side, when its inputs increase by the unknowns."""
         self.inputs[:] = self.starts + unknowns[self.increments]
-        same = self._is_sum & (self.inputs == self.starts)
-        if same.sum() == self._is_sum.sum():  # a sum that changes begins the impact
+        if np.array_equal(self.inputs[self._is_sum], self.starts[self._is_sum]):  # a sum that changes begins the impact
             first = int(np.argmax(self._is_sum))
             self.inputs[first] = np.nextafter(self.inputs[first], math.inf)
         self._bus.perform([self._restore, self._set, self._get])
         return (self.outputs - self.before) * self._factors
 
     def end(self) -> Vector:
-        """Keep what the inputs are now; returns the rates among them."""
+        """End the impact with the present inputs; returns the rates among them."""
         self.sums[:] = np.where(self._is_sum, self.inputs, 0.0)
         self.handed[:] = self.outputs[: len(self._rates)]
         return self.inputs[: len(self._rates)].copy()
@@ -186,27 +186,28 @@ class Impacts:
     """Impacts of FMUs whose impulses are connected.
 
     :param ports: those through which impulses go.
+    :ivar memory: sums of jumps and impulses so far.
     """
 
     def __init__(self, simulation: Simulation, ports: Sequence[ImpulsivePort], instances: Instances, bus: Bus) -> None:
         self._title, self._bus = simulation.title, bus
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
-        self._nodes = [_Node(name, ports, instances, bus) for name in names]
+        parts = [simulation.parts[name] for name in names]
+        self._nodes = [_Node(part, ports, instances[part.name], bus) for part in parts]
         self._count = len(ports)
+        self.memory = Memory(array for node in self._nodes for array in (node.sums, node.handed))
         received = {port.impulse.target.place: port.impulse.target.force or "" for port in ports}
-        ends = not_handed_on(simulation, forces_through(ports), received)
+        ends = connections_that_stop_impulses(simulation, forces_through(ports), received)
         self._ends = [ends.get(port.impulse.target.place) for port in ports]
-        contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
-        self._gaps, self._rates, self._closed = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(3))
-        sums = sums_of(simulation, ports)
-        self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
-        pushing = [force for name in names for force in contact_impulses(simulation.parts[name]).values()]
-        self._pushing = as_indices([bus.index[force] for force in pushing])
-        directions = [one for name in names for one in friction_directions(simulation.parts[name])]
-        self._directions = as_indices([bus.index[direction] for direction in directions])
+        contacts = [contact for part in parts for contact in contact_variables(part)]
+        self._gaps, self._rates, self._closed = (bus.columns(c[k] for c in contacts) for k in range(3))
+        sums = impulse_sums(simulation, ports)
+        self._sums, self._forces = map(bus.columns, (sums, sums.values()))
+        self._pushing = bus.columns(force for part in parts for force in contact_impulses(part).values())
+        self._directions = bus.columns(direction for part in parts for direction in friction_directions(part))
 
-    def begin(self) -> None:
-        """Take the sums of impulses at the start; warn of impacts there, which each FMU has resolved alone."""
+    def start(self) -> None:
+        """Read the sums of impulses at the start time; warn of impacts there, which each FMU has resolved alone."""
         for node in self._nodes:
             node.sums[:], node.handed[:] = 0.0, self._bus.values[node.impulses]
         if alone := [variable for variable, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:
@@ -217,34 +218,28 @@ class Impacts:
                 self._bus.values[self._bus.index[alone[0]]],
             )
 
-    def save(self) -> list[tuple[Vector, Vector]]:
-        """The sums, for :meth:`restore`."""
-        return [(node.sums.copy(), node.handed.copy()) for node in self._nodes]
+    def has_impact(self, before: Vector, after: Vector, size: float) -> bool:
+        """Whether there was an impact in a step, beyond rounding.
 
-    def restore(self, saved: Iterable[tuple[Vector, Vector]]) -> None:
-        """Return to sums that were saved."""
-        for node, (sums, handed) in zip(self._nodes, saved, strict=True):
-            node.sums[:], node.handed[:] = sums, handed
-
-    def between(self, before: Vector, after: Vector, size: float) -> bool:
-        """Whether there was an impact in a step of this size [s] between these values of the bus, beyond rounding."""
+        :param before: values of the bus at its start; ``after`` at its end; ``size`` of the step [s].
+        """
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
         least = LEAST_IMPULSE * (np.abs(sums) + size * forces)
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
 
-    def changed(self, before: Vector, after: Vector) -> bool:
-        """Whether a contact has begun or ended to push, or to slide, between these values of the bus."""
+    def has_changed_contact(self, before: Vector, after: Vector) -> bool:
+        """Whether a contact has begun or ended to push or to slide, by values of the bus before and after."""
         pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
         return bool(np.any(pushed != pushes) or np.any(before[self._directions] != after[self._directions]))
 
-    def next_contact(self, values: Vector) -> float:
+    def _time_to_contact(self, values: Vector) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
         gaps, rates = values[self._gaps], values[self._rates]
         closing = (rates < 0) & (gaps > 0)
         return float(np.min(gaps[closing] / -rates[closing], initial=math.inf))
 
-    def locate(self, start: float, stop: float, attempt: Callable[[float], bool]) -> float:
-        """Step from one instant to shortly before the first impact, which lies before another [s]; returns where.
+    def step_to_first(self, start: float, stop: float, attempt: Callable[[float], bool]) -> float:
+        """Step from one instant to shortly before the first impact, which lies before another; returns its end [s].
 
         :param attempt: steps from the start to an instant; returns whether there was no impact, and no refusal.
         """
@@ -252,7 +247,7 @@ class Impacts:
         instant, left = start + (stop - start) / 2, math.inf
         for k in range(_MOST_STEPS):
             if attempt(instant):
-                low, left = instant, self.next_contact(self._bus.values)
+                low, left = instant, self._time_to_contact(self._bus.values)
                 if left <= near or high - low <= near:
                     return low
                 instant += max(left, near / 4) - near / 4
@@ -278,8 +273,8 @@ class Impacts:
             node.begin()
         for _ in range(_MOST_AT_ONCE):
             z, energy = self._solve_one(time)
-            losses = [node.loss() for node in self._nodes]
-            self._check_ends(time, z, sum(losses), _ROUNDING * _MOST_ROUNDING * energy)
+            losses = [node.energy_loss() for node in self._nodes]
+            self._check_impact(time, z, sum(losses), _ROUNDING * _MOST_ROUNDING * energy)
             left = [node.end() for node in self._nodes]
             if not np.any(z) and not np.any(losses):
                 return
@@ -288,7 +283,7 @@ class Impacts:
         words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
 
-    def _check_ends(self, time: float, z: Vector, loss: float, rounding: float) -> None:
+    def _check_impact(self, time: float, z: Vector, loss: float, rounding: float) -> None:
         """Refuse an impact that acts on what hands no impulses on, or that gains energy by more than rounding [J]."""
         jumps, impulses = np.split(z, 2)
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
@@ -301,7 +296,7 @@ class Impacts:
         raise RefusedError(f"{self._title}: the impact at t = {time:.10g} s {why}")
 
     def _solve_one(self, time: float) -> tuple[Vector, float]:
-        """Solve one impact; returns the jumps of rates with the impulses, and the size of their energy [J]."""
+        """Solve one impact; returns the jumps of rates followed by the impulses, and the size of their energy [J]."""
         z = np.zeros(2 * self._count)
         F = self._residual(z)
         sizes = self._sizes(F)
@@ -333,7 +328,7 @@ class Impacts:
         return z, float(sizes[: self._count] @ sizes[self._count :])
 
     def _residual(self, z: Vector) -> Vector:
-        """What outputs increase by, less the unknowns."""
+        """Increments of outputs, less the unknowns."""
         F = -z
         for node in self._nodes:
             F[node.results] += node.respond(z)
@@ -359,7 +354,10 @@ class Impacts:
         return magnitudes
 
     def _sizes(self, F: Vector) -> Vector:
-        """Sizes of jumps of rates, and of impulses, which are at least what rates of this size would exchange."""
+        """Sizes of jumps of rates, then of impulses, which are at least those that rates of this size would exchange.
+
+        :param F: the residual at z = 0.
+        """
         count = self._count
         rates = np.abs(self._bus.values[self._rates]).max(initial=0.0)
         speed = max(rates, np.abs(F[:count]).max(initial=0.0)) or 1.0
@@ -370,8 +368,8 @@ class Impacts:
         return np.concatenate([np.full(count, speed), np.full(count, impulse or 1.0)])
 
 
-def sums_of(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
-    """Sums of impulses that change in an impact in which these ports take part -> forces that act alike."""
+def impulse_sums(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
+    """Sum of impulses of each connection and contact that take part in impacts -> force that acts alike."""
     sums = {port.impulse.source.place: (port.moved, port.impulse.source.force or "") for port in ports}
     for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
         sums |= contact_impulses(simulation.parts[name])

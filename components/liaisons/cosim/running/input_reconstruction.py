@@ -9,82 +9,62 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import curve
+from liaisons.cosim.coupling.signals import port_and_order
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components, Port, SystemComponent
-from liaisons.cosim.structure.schedule import OutputInput, VariableReference
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
-Gains = Mapping[OutputInput, int]
-"""Output and input -> column of the derivative on the bus."""
 
-
-def initial_derivatives(
-    simulation: Simulation, instances: Instances, bus: Bus, solved: Gains
-) -> tuple[list[Call], dict[OutputInput, int]]:
-    """Calls that calculate derivatives of accelerations by inputs at the start, and the columns of these.
-
-    :param solved: those that Newton's method calculates.
-    """
+def prepare_initial_gains(simulation: Simulation, instances: Instances, bus: Bus) -> list[Call]:
+    """Prepare calls that calculate ∂(acceleration)/∂(input) at the start, where Newton's method does not."""
     calls: list[Call] = []
-    gains: dict[OutputInput, int] = {}
-    solved_inputs = {input_ for _, input_ in solved}
+    solved_inputs = {input_ for _, input_ in bus.gain_columns}
     for name, part in simulation.parts.items():
         fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
         if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
             continue
-        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _acceleration(part, p[1]) is not None]
+        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _rate_and_value(part, p[1]) is not None]
         variables = part.fmu.variables
         for input_ in fed:
             rows = [p for p in moving if simulation.depends(p, input_)]
             if rows:
-                column, indices = bus.add_derivatives(rows, input_)
+                column = bus.add_gains(rows, input_)
                 unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
                 calls.append(instances[name].directional(unknowns, known, np.ones(1), column))
-                gains |= indices
-    return calls, gains
+    return calls
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
-    """Components with contacts whose inputs are connected."""
+    """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
     mechanisms: list[ContactMechanism] = []
-    for name, contacts in contacts_of_fed(simulation).items():
-        part, index = simulation.parts[name], bus.index
-        columns = as_indices([[index[variable] for variable in contact] for contact in contacts])
-        inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
-        mechanisms.append(ContactMechanism(name, columns, inputs))
+    for name, part in simulation.parts.items():
+        index, contacts = bus.index, contact_variables(part)
+        if contacts and bus.inputs[name]:
+            columns = np.array([bus.columns(contact) for contact in contacts])
+            inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
+            mechanisms.append(ContactMechanism(name, columns, inputs))
     return mechanisms
-
-
-def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
-    """Name of each component with contacts whose inputs are connected -> variables of its contacts."""
-    fed = {name for name, _ in simulation.feeds}
-    contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
-    return {name: variables for name, variables in contacts.items() if variables}
 
 
 def input_reconstructions(
     simulation: Simulation,
     bus: Bus,
-    slopes: Mapping[VariableReference, int],
-    gains: Gains,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """Polynomials of all connected inputs within a step, but for those without an effect that can be estimated.
+    """Polynomials that connected inputs follow within a step; none for an input without an effect.
 
-    :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
         numbers the function returns.
     """
-    parts, effects = simulation.parts, _effects(simulation.parts, bus, gains)
-    table = _PolynomialTable(simulation, bus, slopes, deviations)
+    parts, effects = simulation.parts, _effect_columns(simulation.parts, bus)
+    table = _PolynomialTable(simulation, bus, deviations)
     reconstructions: list[InputReconstruction] = []
     for target, source in simulation.feeds.items():
         part = parts[target[0]]
@@ -97,7 +77,8 @@ def input_reconstructions(
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
             answers = tuple(bus.index[output] for output in bus.outputs(target[0]))
-            name, own_effects = f"{_name(source)} -> {'.'.join(target)}", tuple(effects.get(target, ()))
+            origin = "a function of time" if source[0] == SIGNALS else ".".join(source)
+            name, own_effects = f"{origin} -> {'.'.join(target)}", tuple(effects.get(target, ()))
             reconstructions.append(
                 InputReconstruction(name, bus.index[target], tuple(data), order, shape, own_effects, answers)
             )
@@ -125,31 +106,30 @@ class _PolynomialTable:
 
     simulation: Simulation
     bus: Bus
-    slopes: Mapping[VariableReference, int]
     deviations: Mapping[VariableReference, tuple[int, int]]
 
     @cached_property
     def columns(self) -> dict[VariableReference, int]:
-        """Columns of outputs; those of functions of time are recorded as the inputs that they drive."""
+        """Column of each output on the bus; of a function of time, that of the input that it drives."""
         index, feeds = self.bus.index, self.simulation.feeds.items()
         return {**index, **{source: index[target] for target, source in feeds if source[0] == SIGNALS}}
 
     @cached_property
-    def late(self) -> set[VariableReference]:
-        """Inputs whose value at the end of a step is not known before it."""
+    def late_inputs(self) -> set[VariableReference]:
+        """Inputs whose value at the end of a step is unknown before it."""
         return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
-        """Kind of polynomial that an input follows, its columns in the table, and the order of its derivative."""
+        """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
         approximation = part.approximation
         if target[0] in simulation.prescribed or not (simulation.iterates or approximation.interpolates):
-            return self._extrapolation(target, own)
+            return self._explicit_polynomial(target, own)
         if approximation.interpolates and Port(part, target[1]).curve()[0] is None:
             return "hermite", [own], 0
         if approximation.interface == "mean value":
             return "mean", [own], 0
-        references, order = curve(simulation.parts, simulation.feeds, source)
+        references, order = port_and_order(simulation.parts, simulation.feeds, source)
         port = [self.columns[reference] for reference in references if reference in self.columns]
         integral, numbers = self.deviations.get(target, (0, 0))
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
@@ -157,24 +137,23 @@ class _PolynomialTable:
             return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
         if is_driven:
             return "cubic", integrals, 0
-        return self._single_output(target, source, own)
+        return self._polynomial_without_port(target, source, own)
 
-    def _extrapolation(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
-        part = self.simulation.parts[target[0]]
+    def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
+        part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
         method, (triple, order) = part.approximation.method, Port(part, target[1]).curve()
-        if method is None and target not in self.late:
+        if method is None and target not in self.late_inputs:
             return "newest", [own], 0
-        sources = [self.bus.source(port.place) for port in triple or ()] if method == 1 else []
-        port = [source for source in sources if source is not None]
-        return ("taylor", port, order) if port and len(port) == len(sources) else ("taylor", [own], 0)
+        port = [self.bus.index[feeds[end.place]] for end in triple or () if end.place in feeds]
+        return ("taylor", port, order) if method == 1 and len(port) == 3 else ("taylor", [own], 0)
 
-    def _single_output(
+    def _polynomial_without_port(
         self, target: VariableReference, source: VariableReference, own: int
     ) -> tuple[Shape, list[int], int]:
         simulation = self.simulation
         if simulation.parts[target[0]].approximation.follows_polynomials:
-            if source in self.slopes:
-                return "hermite", [own, self.slopes[source]], 0
+            if source in self.bus.slope_columns:
+                return "hermite", [own, self.bus.slope_columns[source]], 0
             number = simulation.group_number
             is_solved_with_source = number.get(source[0]) == number[target[0]]
             if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
@@ -182,24 +161,20 @@ class _PolynomialTable:
         return "hermite", [own], 0
 
 
-def _effects(parts: Components, bus: Bus, gains: Gains) -> dict[VariableReference, list[tuple[int, int, int]]]:
+def _effect_columns(parts: Components, bus: Bus) -> dict[VariableReference, list[tuple[int, int, int]]]:
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
     effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
-    for (output, input_), column in gains.items():
-        motion = _acceleration(parts[output[0]], output[1])
-        if motion is not None:
-            rate, value = (bus.index.get(port.place, -1) for port in motion)
+    for (output, input_), column in bus.gain_columns.items():
+        ports = _rate_and_value(parts[output[0]], output[1])
+        if ports is not None:
+            rate, value = (bus.index.get(port.place, -1) for port in ports)
             effects.setdefault(input_, []).append((column, rate, value))
     return effects
 
 
-def _acceleration(part: SystemComponent, name: str) -> tuple[Port, Port] | None:
-    """Rate and value of the port whose acceleration this output is; None for another variable."""
-    triple, order = Port(part, name).curve()
-    if triple is None or order != 2 or part.fmu.variables[name].causality != "output":
+def _rate_and_value(part: SystemComponent, acceleration: str) -> tuple[Port, Port] | None:
+    """Rate and value of the port of an acceleration; None for a variable that is no output acceleration."""
+    triple, order = Port(part, acceleration).curve()
+    if triple is None or order != 2 or part.fmu.variables[acceleration].causality != "output":
         return None
     return triple[1], triple[0]
-
-
-def _name(source: VariableReference) -> str:
-    return "a function of time" if source[0] == SIGNALS else ".".join(source)

@@ -90,7 +90,7 @@ class _Equations:
         self.inputs = [fmu.variables[name] for name in fmu.reals("input") if fmu.variables[name].continuous]
         self.outputs = [fmu.variables[name] for name in outputs]
         knowns, unknowns = [*self.states, *self.inputs], [*rates, *self.outputs]
-        self.point, self.rates = (_read(instance, variables, when) for variables in (knowns, rates))
+        self.point, self.rates = (_present_values(instance, variables, when) for variables in (knowns, rates))
         self.jacobian = np.zeros((len(unknowns), len(knowns)))
         number = {(known.reference, known.position): k for k, known in enumerate(knowns)}
         same = [number.get((unknown.reference, unknown.position)) for unknown in unknowns]
@@ -109,18 +109,20 @@ class _Equations:
             self.jacobian[calculated, k] = values
 
 
-def _read(instance: Instance, variables: list[Scalar], when: str) -> Vector:
-    """The present values of variables."""
+def _present_values(instance: Instance, variables: list[Scalar], when: str) -> Vector:
+    """The present values of variables of an FMU."""
     values = np.empty(len(variables))
     if variables:
         instance.getter(variables, values).perform(when)
     return values
 
 
-def linearized(
+def linearization(
     simulation: Simulation, instances: Instances, time: float, present: Mapping[str, float]
 ) -> Linearization:
-    """The linear system about the present point, with the inputs that nothing feeds, or that hold or follow the time.
+    """The linear system of a simulation about its present point.
+
+    Its inputs are those that nothing feeds, functions of time, and outputs of sampled components.
 
     :param time: of the point [s]; ``present``: values of recorded variables there, by name.
     :raises SimulationError: for an FMU that provides no directional derivatives, or refuses one.
@@ -129,7 +131,7 @@ def linearized(
     moving = {name: part for name, part in parts.items() if not part.fmu.is_sampled}
     names = {place: name for name, place in simulation.recorded.items()}
 
-    def shown(place: VariableReference) -> str:
+    def label(place: VariableReference) -> str:
         return names.get(place) or (place[1] if simulation.single else ".".join(place))
 
     observed = [
@@ -147,13 +149,9 @@ def linearized(
         kind: [(name, variable.name) for name, one in equations.items() for variable in getattr(one, kind)]
         for kind in ("states", "inputs", "outputs")
     }
-    blocks = [(one.jacobian, len(one.states)) for one in equations.values()]
-    matrices: Any = (
-        block_diag(
-            *(J[:n, :n] if i == 0 else J[:n, n:] if i == 1 else J[n:, :n] if i == 2 else J[n:, n:] for J, n in blocks)
-        )
-        for i in range(4)
-    )
+    jacobians = [(one.jacobian, len(one.states)) for one in equations.values()]
+    blocks = [(J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]) for J, n in jacobians]
+    matrices: Any = (block_diag(*of_fmus) for of_fmus in zip(*blocks, strict=True))
     A, B, C, D = matrices
     # u = M y + E v, with the inputs v of the whole
     inputs, outputs = groups["inputs"], {source: i for i, source in enumerate(groups["outputs"])}
@@ -169,19 +167,19 @@ def linearized(
     by_x, by_v = loop @ M @ C, loop @ E
     rows = [outputs[place] for place in observed]
     values = {
-        shown((name, variable.name)): float(value)
+        label((name, variable.name)): float(value)
         for name, one in equations.items()
         for variable, value in zip((*one.states, *one.inputs), one.point, strict=True)
     }
     values |= present
-    variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *observed)}
+    variables = {label((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *observed)}
     return Linearization(
         simulation.title,
         A + B @ by_x,
         B @ by_v,
         (C + D @ by_x)[rows],
         (D @ by_v)[rows],
-        *(tuple(map(shown, group)) for group in (groups["states"], v, observed)),
+        *(tuple(map(label, group)) for group in (groups["states"], v, observed)),
         rates=np.concatenate([np.empty(0), *(one.rates for one in equations.values())]),
         values={name: values[name] for name in variables},
         units=variables,

@@ -6,15 +6,16 @@ arrays that are connected in part).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from ctypes import byref, c_size_t, c_ssize_t, c_void_p
 from functools import partial
 from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
@@ -32,15 +33,16 @@ class Loop:
 
     :param calls: those of one step.
     :param capacity: expected number of communication points.
-    :ivar rows: what was on the bus at each of :attr:`times`, shape (points, width of the bus), as far as ``done``.
-    :ivar internal: points that are not in the result; ``after_break``: breaks, with the values right of them.
+    :ivar done: number of recorded points.
+    :ivar rows: values of the bus at each of :attr:`times` [s], shape (points, width of the bus).
+    :ivar result_times: times of the points in the result [s], not-a-number for points that are not in it.
+    :ivar after_break: breaks, with the values right of them.
     """
 
     def __init__(self, calls: Sequence[Call], bus: Bus, capacity: int) -> None:
-        self.done, self.times, self.rows = 0, np.empty(capacity), np.empty((capacity, bus.values.size))
-        self.internal: set[int] = set()
-        self.after_break: list[int] = []
-        self._result_times: dict[int, float] = {}
+        self.done, self.rows = 0, np.empty((capacity, bus.values.size))
+        self.times, self.result_times = self._instants = np.empty((2, capacity))
+        self.after_break = np.zeros(capacity, dtype=bool)
         self._calls, self._bus = calls, bus
         self._addresses = self.times.ctypes.data, self.rows.ctypes.data  # looked up once, since that takes 1 µs
         self._compiled: Callable[..., int] | None = None
@@ -53,13 +55,6 @@ class Loop:
             values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
             self._compiled = partial(library.advance, *program, *clock, *values)
 
-    def reset(self) -> None:
-        """Remove all points."""
-        self.done = 0
-        self.internal.clear()
-        self.after_break.clear()
-        self._result_times.clear()
-
     def add(self, time: float, values: Vector, *, result_time: float | None = None, after_break: bool = False) -> None:
         """Record a point that was reached without :meth:`advance`.
 
@@ -67,68 +62,69 @@ class Loop:
         :param after_break: it is a break, with the values right of it.
         """
         self._make_room(1)
-        if result_time is None:
-            self.internal.add(self.done)
-        elif result_time != time:
-            self._result_times[self.done] = result_time
-        if after_break:
-            self.after_break.append(self.done)
-        self.rows[self.done], self.times[self.done] = values, time
+        last = self.done
+        self.rows[last], self.times[last], self.after_break[last] = values, time, after_break
+        self.result_times[last] = math.nan if result_time is None else result_time
         self.done += 1
 
     @property
-    def time(self) -> float:
-        """The last point [s]."""
-        return self._result_times.get(self.done - 1) or float(self.times[self.done - 1])
+    def end(self) -> float:
+        """End of the last step [s]."""
+        return float(self.times[self.done - 1])
 
-    def begin_piece(self, tiny: float) -> None:
-        """Make a break of the last point, to which a tiny step [s] leads."""
+    @property
+    def time(self) -> float:
+        """End of the last step as it is in the result [s]."""
+        time = float(self.result_times[self.done - 1])
+        return self.end if math.isnan(time) else time
+
+    def begin_piece(self, tiny_step: float) -> None:
+        """Make a break of the last point, and lead a tiny step to it [s]."""
         last = self.done - 1
-        if last and self.after_break[-1:] != [last]:
-            time, result_time = float(self.times[last]), None if last in self.internal else self.time
-            self._result_times.pop(last, None)
-            self.times[last] -= tiny
-            self.internal.add(last)
+        if last and not self.after_break[last]:
+            time, result_time = self.end, float(self.result_times[last])
+            self.times[last], self.result_times[last] = time - tiny_step, math.nan
             self.add(time, self.rows[last], result_time=result_time, after_break=True)
 
-    def withdraw(self, done: int) -> None:
-        """Remove the points after the first so many."""
-        self.internal.difference_update(range(done, self.done))
-        self.after_break[:] = [point for point in self.after_break if point < done]
-        self.done = done
+    def truncate(self, points: int) -> None:
+        """Remove all points but the first ones."""
+        self.after_break[points : self.done] = False
+        self.done = points
 
     def save(self) -> list[Any]:
-        """All points, for :meth:`restore`."""
-        points = self.rows[: self.done], self.times[: self.done]
-        return deepcopy([*points, self.internal, self.after_break, self._result_times])
+        """Copies of all points, for :meth:`restore`."""
+        return [array[: self.done].copy() for array in self._arrays]
 
     def restore(self, saved: Sequence[Any]) -> None:
-        """Return to the points that were saved."""
-        rows, times, self.internal, self.after_break, self._result_times = deepcopy(saved)
-        self.done = 0
-        self._make_room(len(times))
-        self.done = len(times)
-        self.rows[: self.done], self.times[: self.done] = rows, times
+        """Replace all points by saved ones."""
+        self.truncate(0)
+        points = len(saved[0])
+        self._make_room(points)
+        for array, values in zip(self._arrays, saved, strict=True):
+            array[:points] = values
+        self.done = points
+
+    @property
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.rows, self.times, self.result_times, self.after_break
 
     def result_rows(self) -> tuple[Indices, Vector]:
         """Indices of the rows in the result, and their times [s]."""
-        rows = np.delete(np.arange(self.done), sorted(self.internal))
-        times = self.times[: self.done].copy()
-        times[list(self._result_times)] = list(self._result_times.values())
-        return rows, times[rows]
+        rows = np.flatnonzero(~np.isnan(self.result_times[: self.done]))
+        return rows, self.result_times[rows]
 
     def advance(self, instants: Sequence[float], *, in_result: bool = True) -> None:
-        """Make steps to these instants [s], one after the other.
+        """Make steps to instants [s], one after the other, and record the bus after each.
 
         :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
         """
         first, steps = self.done, len(instants)
         self._make_room(steps)
-        self.times[first : first + steps] = instants
+        self._instants[:, first : first + steps] = instants
         if not in_result:
-            self.internal.update(range(first, first + steps))
+            self.result_times[first : first + steps] = math.nan
         if self._compiled is None:
-            self._advance(steps)
+            self._advance_in_python(steps)
             return
         done = self._compiled(
             c_void_p(self._addresses[0] + (first - 1) * self.times.itemsize),
@@ -138,33 +134,27 @@ class Loop:
         )
         self.done += done
         if done < steps:
-            self.internal.difference_update(range(self.done, first + steps))
             call, status = self._refusal
             self._raise_refusal(self._calls[call], status)
 
     def _make_room(self, points: int) -> None:
         while self.done + points > len(self.rows):
-            self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+            self.rows = np.concatenate([self.rows] * 2)
+            self.times, self.result_times = self._instants = np.concatenate([self._instants] * 2, axis=1)
+            self.after_break = np.append(self.after_break, np.zeros_like(self.after_break))
             self._addresses = self.times.ctypes.data, self.rows.ctypes.data
 
-    def _advance(self, steps: int) -> None:
-        bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
-        values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
-        offset = self.done * width
+    def _advance_in_python(self, steps: int) -> None:
         for first, last in pairwise(self.times[self.done - 1 : self.done + steps].tolist()):
-            start.value = first  # Bus.set_step and Bus.perform written out: two Python calls less a step
-            size.value = last - first
-            end.value = last
-            for call in calls:
+            self._bus.set_step(first, last)
+            for call in self._calls:
                 if status := call():
-                    self.internal.difference_update(range(self.done, self.done + steps))
                     self._raise_refusal(call, status)
-            flat[offset : offset + width] = values
-            offset += width
+            self.rows[self.done] = self._bus.values
             self.done += 1
 
     def _raise_refusal(self, call: Call, status: int) -> None:
-        """Raise the error of a status; the end that an FMU asks for is recorded if all other FMUs reach it."""
+        """Raise the error of a status; first record the end that an FMU has requested, if all other FMUs reach it."""
         bus, calls = self._bus, self._calls
         try:
             bus.check_status(call, status)

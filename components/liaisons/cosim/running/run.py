@@ -14,7 +14,6 @@ from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any, NoReturn, final
@@ -30,34 +29,33 @@ from liaisons.base.logs import collected_warnings
 from liaisons.base.progress import progress_bar
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.explicit import CommunicationCalls, communication_calls
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import port_outputs
+from liaisons.cosim.coupling.signals import connected_port_outputs, unit_numbers
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
-from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
+from liaisons.cosim.running.adaptive import CommunicationSteps, adapt_steps, divide_steps
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import (
+    connections_without_impulses,
     contact_variables,
     friction_directions,
     missing_impulses,
-    sums_of_missing,
     warn_of_missing,
 )
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impacts import Impacts, forces_through, impulsive_ports, sums_of
+from liaisons.cosim.running.impacts import Impacts, forces_through, impulse_sums, impulsive_ports
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
-    contacts_of_fed,
-    initial_derivatives,
     input_reconstructions,
+    prepare_initial_gains,
 )
-from liaisons.cosim.running.linearization import Linearization, linearized
+from liaisons.cosim.running.linearization import Linearization, linearization
 from liaisons.cosim.running.loop import Loop
-from liaisons.cosim.running.stepping import FreeInput, RunState, save_state
+from liaisons.cosim.running.stepping import FreeInput, RunState, save_state, state_calls
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
@@ -84,18 +82,19 @@ _LATE = 1e-3
 """Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
 
 Reading = tuple[Sequence[Call], Vector, Callable[[Vector], Any]]
-"""Calls that read a variable, the numbers that they write, and what makes its value of these."""
+"""Calls that read a variable, the numbers that they write, and a function from these to its value."""
 
 
 @final
 class Run:
     """Running FMUs of a simulation; a context manager that releases them.
 
-    It can be done again, with other start values: every FMU goes back to the state that it had when it was
-    instantiated, so that a run gives the same numbers whatever was before it.
+    It can start again, with other start values: every FMU goes back to the state that it had when it was instantiated,
+    so that a run gives the same numbers whatever was before it.
 
-    :param folders: where each FMU lies extracted; if None, they are extracted for this run only.
-    :param again: it will be done again; where an FMU cannot go back, ``repeats`` says so.
+    :param folders: folder of each extracted FMU; None: they are extracted for this run only.
+    :param again: whether it is to start several times.
+    :ivar repeats: whether it can start several times: all FMUs can go back.
     """
 
     def __init__(
@@ -123,23 +122,45 @@ class Run:
                     stiff=part.solver is not None,
                 )
                 self._instances[name] = stack.enter_context(instance)
-            also = port_outputs(parts, simulation.feeds) if simulation.iterates else []
+            also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
-            self._sums = sums_of_missing(simulation, forces_through(through))
-            contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
-            contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
-            contacts += [v for port in through for p in (port.mover, port.moved) for v in friction_directions(parts[p])]
+            self._sums = connections_without_impulses(simulation, forces_through(through))
+            fed = {name for name, _ in simulation.feeds}
+            contacts = [
+                variable
+                for name, part in parts.items()
+                if through or name in fed
+                for variables in (*contact_variables(part), friction_directions(part))
+                for variable in variables
+            ]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
-            recorded += [variable for pair in sums_of(simulation, through).items() for variable in pair]
+            recorded += [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
-            self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
-            self._initial, self._settle, self._step = self._prepare_calls()
+            self._columns = self._bus.columns(simulation.recorded.values())
+            self._initial, self._at_instant, step = self._prepare_calls()
+            self._chooses_steps = simulation.error_tolerance is not None or simulation.adapts
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
-            self._initial_derivatives, self._estimate = self._prepare_estimate()
+            self._initial_gains = prepare_initial_gains(simulation, self._instances, self._bus)
+            self._estimate = Estimate(
+                input_reconstructions(simulation, self._bus, self._deviations.columns),
+                self._bus.index,
+                unit_numbers(parts, simulation.feeds, self._bus.index),
+                contact_mechanisms(simulation, self._bus),
+            )
             self._breaks = Breaks(simulation, self._instances, self._bus)
-            reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
+            self._steps = CommunicationSteps(
+                simulation,
+                self._instances,
+                self._bus,
+                step,
+                self._coupled,
+                self._breaks,
+                self._deviations,
+                self._estimate,
+            )
+            reads_samples = any(parts[name].approximation.samples for name in fed)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
             self._are_samples = self._breaks.are_samples and not (
                 self._estimate.can_estimate
@@ -147,7 +168,9 @@ class Run:
                 or any(part.approximation.interpolates for part in parts.values())
             )
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
-            self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
+            memories = self._coupled, self._impacts and self._impacts.memory
+            self._state_owners = [self._deviations.memory, *simulation.drives, *filter(None, memories)]
+            self._loop = Loop(step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
@@ -155,7 +178,7 @@ class Run:
             self.lateness: list[float] = []
             self._restores: Sequence[Call] = []
             if self.repeats:
-                saves, self._restores = zip(*self._state_calls(), strict=True)
+                saves, self._restores = zip(*state_calls(self._instances), strict=True)
                 self._bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
@@ -193,7 +216,7 @@ class Run:
         """
         simulation, bus = self._simulation, self._bus
         begin, end = simulation.times[0], simulation.times[-1]
-        self._loop.reset()
+        self._loop.truncate(0)
         self._errors: list[float] = []  # of steps between communication points
         for instance in self._instances.values():
             instance.reset()
@@ -210,11 +233,11 @@ class Run:
         bus.perform(self._initial)
         for instance in self._instances.values():
             instance.exit_initialization()
-        bus.perform(self._settle)
-        bus.perform(self._initial_derivatives)
+        bus.perform(self._at_instant)
+        bus.perform(self._initial_gains)
         self._loop.add(begin, bus.values, result_time=begin)
         if self._impacts is not None:
-            self._impacts.begin()
+            self._impacts.start()
         self._breaks.find_next(begin)
         self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
         self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
@@ -230,39 +253,23 @@ class Run:
         """
         simulation = self._simulation
         if not self._chooses_steps:
-            self._step_to(len(simulation.times), on_progress)
+            self._step_to_point(len(simulation.times), on_progress)
             return
-        stepper = Stepper(
-            simulation,
-            self._bus,
-            self._step,
-            self._coupled,
-            self._breaks,
-            self._deviations,
-            self._cross_break,
-            self._estimate,
-            self._states_of_step,
-        )
         self._estimate.reset()
-        for point in (divide_steps if simulation.adapts else adapt_steps)(stepper):
+        for point in (divide_steps if simulation.adapts else adapt_steps)(self._steps):
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
                 self._errors.append(point.error)
             if on_progress:
                 on_progress(point.time)
 
-    @property
-    def _chooses_steps(self) -> bool:
-        """Whether steps are as long as their errors allow."""
-        return self._simulation.error_tolerance is not None or self._simulation.adapts
-
-    def _step_to(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
-        """Step until so many communication points are reached, and to the breaks between them."""
+    def _step_to_point(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
+        """Step until a number of communication points is reached, and to the breaks between them."""
         loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._points
         most = 1 if self._clock else _MOST_IN_BATCH if self._deviations else stop
         many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
         while done < stop:
-            begin, time = perf_counter(), float(loop.times[loop.done - 1])
+            begin, time = perf_counter(), loop.end
             size = points[done] - points[done - 1]
             near = rounding(breaks.next) if breaks.next < np.inf else 0.0
             last = min(done + many, stop)
@@ -276,8 +283,8 @@ class Run:
                 on_time = points[done] - breaks.next <= near
                 loop.advance([points[done] if on_time else breaks.next], in_result=on_time)
                 done += on_time
-                breaks.find_next(float(loop.times[loop.done - 1]))
-            elif breaks.next - time > 2 * (tiny := breaks.gap(breaks.next, size)):
+                breaks.find_next(loop.end)
+            elif breaks.next - time > 2 * (tiny := breaks.tiny_step(breaks.next, size)):
                 before = breaks.next - tiny
                 halves = [(time + before) / 2, before]
                 self._advance(halves if self._is_first_of_piece() else halves[1:], in_result=False)
@@ -286,11 +293,11 @@ class Run:
                 if points[done] - instant <= near:
                     instant, result_time = max(instant, points[done]), points[done]
                     done += 1
-                loop.add(instant, self._cross_break(time, instant), result_time=result_time, after_break=True)
+                loop.add(instant, self._steps.step_across(time, instant), result_time=result_time, after_break=True)
             self._points = done
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
             if on_progress:
-                on_progress(float(loop.times[loop.done - 1]))
+                on_progress(loop.end)
 
     # ---- step by step
 
@@ -331,21 +338,21 @@ class Run:
         return step
 
     def _set_and_step(self, free: Sequence[FreeInput], values: Collection[ArrayLike]) -> None:
-        """Set inputs to values, where these are others than those that were set last, and step."""
+        """Set inputs whose values have changed, and step to the next communication point."""
         self._require_open()
         times, points = self._simulation.times, self._points
         if self._chooses_steps:
             self._refuse("errors choose its steps; give step_size, and leave error_tolerance out")
         if self._end or points == len(times):
             self._refuse(self._end or f"it has reached its end, t = {self.time:.10g} s; give a later stop_time")
-        numbers = [one.check(value) for one, value in zip(free, values, strict=True)]
+        numbers = [one.checked_numbers(value) for one, value in zip(free, values, strict=True)]
         changed = [one.put for one, number in zip(free, numbers, strict=True) if one.assign(number)]
         try:
             if changed:
                 self._bus.perform(changed)
                 self._begin_piece(times[points] - times[points - 1])
             if self._deviations or self._impacts or self._breaks.next < math.inf or points + 1 == len(times):
-                self._step_to(points + 1)
+                self._step_to_point(points + 1)
             else:
                 self._loop.advance((times[points],))
                 self._points += 1
@@ -360,19 +367,22 @@ class Run:
         self.wait()
 
     def _begin_piece(self, size: float) -> None:
-        """Begin a smooth piece now, with the inputs that were set, before a step of a size [s]."""
+        """Begin a smooth piece with the inputs that are set now.
+
+        :param size: of a communication step [s].
+        """
         bus, loop, time = self._bus, self._loop, self._bus.end.value
         if self._coupled is not None:
             bus.set_step(time, time)
             self._coupled.forget_past()
-        bus.perform(self._settle)
+        bus.perform(self._at_instant)
         if self._estimate.can_estimate:
-            loop.begin_piece(self._breaks.gap(time, size))
+            loop.begin_piece(self._breaks.tiny_step(time, size))
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
 
     def _reference(self, name: str) -> VariableReference:
-        """Component and variable of a name."""
+        """Component and variable of a name in the result or in the system."""
         simulation = self._simulation
         title, parts = simulation.title, simulation.parts
         return simulation.recorded.get(name) or owned(title, parts, "variable", name, single=simulation.single)
@@ -398,7 +408,7 @@ class Run:
         return convert(values)
 
     def _prepare_reading(self, name: str) -> Reading:
-        """Calls that read a variable, the numbers that they write, and what makes its value of these."""
+        """Prepare the reading of a variable."""
         owner, variable = self._reference(name)
         part, column = self._simulation.parts[owner], self._bus.index.get((owner, variable))
         scalars, shape = [part.scalar(n) for n in part.recordable(variable)], part.fmu.arrays.get(variable)
@@ -419,20 +429,20 @@ class Run:
         raise SimulationError(f"{self._simulation.title}: {words}")
 
     def save(self) -> RunState:
-        """The present state, to which the run can return as often as wanted.
+        """Save the present state, to which the run can return any number of times.
 
         :raises SimulationError: if an FMU cannot return to a state.
         """
         self._require_states()
-        calls = self._unused_states.pop() if self._unused_states else self._state_calls()
-        go_back = save_state(self._bus, calls, [self._loop, *self._owners])
+        calls = self._unused_states.pop() if self._unused_states else state_calls(self._instances)
+        go_back = save_state(self._bus, calls, [self._loop, *self._state_owners])
         inputs = {name: free.values.copy() for name, free in self._free_inputs.items()}
         state = RunState(self, self.time, self._points, go_back, inputs)
         finalize(state, self._unused_states.append, calls)
         return state
 
     def restore(self, state: RunState) -> None:
-        """Return to a state; of the recorded points those until then stay.
+        """Return to a saved state, with the points that were recorded until then.
 
         :raises SimulationError: for the state of another run.
         """
@@ -446,23 +456,8 @@ class Run:
         self._points, self._end = state.points, ""
         self._breaks.find_next(state.time)
 
-    @property
-    def _owners(self) -> list[Any]:
-        """What has a state beside the FMUs, the bus and the loop."""
-        solvers = [owner for owner in (self._coupled, self._impacts) if owner is not None]
-        return [self._deviations.memory, *self._simulation.drives, *solvers]
-
-    def _state_calls(self) -> Sequence[tuple[Call, Call]]:
-        """Prepare calls that save and restore the FMUs."""
-        return [instance.save_and_restore_calls() for instance in self._instances.values()]
-
-    @cached_property
-    def _states_of_step(self) -> Sequence[tuple[Call, Call]]:
-        """Calls that save and restore the FMUs at the start of a step."""
-        return self._state_calls()
-
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
-        """Begin again at the start time, with the FMUs that there are.
+        """Begin again at the start time, without instantiating the FMUs again.
 
         :param start_values: where they differ from those that the run was made with; of a system by
             ``"component.variable"``.  ``keywords`` are further ones.
@@ -481,10 +476,8 @@ class Run:
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """
         self._require_open()
-        values = {
-            name: float(self._bus.values[k]) for name, k in zip(self._simulation.recorded, self._columns, strict=True)
-        }
-        return linearized(self._simulation, self._instances, self.time, values)
+        values = dict(zip(self._simulation.recorded, self._bus.values[self._columns].tolist(), strict=True))
+        return linearization(self._simulation, self._instances, self.time, values)
 
     def _require_states(self) -> None:
         self._require_open()
@@ -511,19 +504,19 @@ class Run:
             sleep(max(-late, 0.0))
 
     def _advance(self, instants: Sequence[float], *, in_result: bool = True) -> int:
-        """Step to these instants up to the next break; returns how many were reached."""
+        """Step to instants [s] up to the next break, and across impacts; returns how many were reached."""
         if self._impacts is None:
-            return self._advance_smoothly(instants, in_result=in_result)
+            return self._advance_without_impacts(instants, in_result=in_result)
         return self._advance_with_impacts(self._impacts, instants[0], in_result=in_result)
 
     def _advance_with_impacts(self, impacts: Impacts, instant: float, *, in_result: bool) -> int:
-        """Step to an instant, and across the impacts before it; returns 0 if a break was in between."""
+        """Step to an instant [s], and across the impacts before it; returns 1, or 0 if a break is in between."""
         loop = self._loop
         for _ in range(_MOST_IMPACTS):
-            start, (attempt, go_back, refusals) = float(loop.times[loop.done - 1]), self._repeatable_step(impacts)
+            start, (attempt, go_back, refusals) = loop.end, self._repeatable_step(impacts)
             if attempt(instant, shown=in_result):
                 return int(loop.time == instant)
-            stop = impacts.locate(start, instant, attempt)
+            stop = impacts.step_to_first(start, instant, attempt)
             if stop <= start:
                 if refusals:
                     raise refusals[0]
@@ -536,37 +529,38 @@ class Run:
         raise RefusedError(f"{self._simulation.title}: {words}")
 
     def _cross_impacts(self, impacts: Impacts, now: float, end: float, size: float, *, in_result: bool) -> bool:
-        """Cross what begins now: impacts, or a contact that begins or ends to push; returns whether that is the end.
+        """Advance across impacts that begin now, or a contact that begins or ends to push or to slide.
 
         :param size: of a communication step [s].
+        :returns: whether the end is reached.
         """
-        loop, bus, go_back = self._loop, self._bus, self._returning()
+        loop, bus, go_back = self._loop, self._bus, self._save_step()
         before = loop.rows[loop.done - 1]
-        stop = min(now + self._breaks.gap(now, size), end)
-        after = self._cross_break(now, stop) if stop > now else before
-        if not impacts.between(before, after, size):
+        stop = min(now + self._breaks.tiny_step(now, size), end)
+        after = self._steps.step_across(now, stop) if stop > now else before
+        if not impacts.has_impact(before, after, size):
             loop.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
             return stop == end
         go_back()
         if ends := end - now <= _TOGETHER * size:
             now = loop.times[loop.done - 1] = end
             if in_result:
-                loop.internal.discard(loop.done - 1)
+                loop.result_times[loop.done - 1] = end
         bus.set_step(now, now)
-        bus.perform(self._settle)  # so that inputs are outputs, whatever the tolerance of the step
+        bus.perform(self._at_instant)  # so that inputs are outputs, whatever the tolerance of the step
         impacts.solve(now)
         self._begin_piece(size)
         return ends
 
     def _repeatable_step(self, impacts: Impacts) -> tuple[Callable[..., bool], Callable[[], None], list[RefusedError]]:
-        """Prepare a step that begins now each time.
+        """Prepare a step from the present state that can be repeated with other ends.
 
-        :returns: a function that steps to an instant, and returns whether nothing has happened to a contact, and there
-            was no refusal; one that goes back; and the refusal of the last step, if there was one.
+        :returns: a function that steps to an instant [s], and returns whether no contact has changed and no FMU has
+            refused; a function that goes back; and the refusal of the last step, if there was one.
         """
         loop, refusals = self._loop, list[RefusedError]()
-        first, start, halves = loop.done, float(loop.times[loop.done - 1]), self._is_first_of_piece()
-        times, points, go_back = self._simulation.times, self._points, self._returning()
+        first, start, halves = loop.done, loop.end, self._is_first_of_piece()
+        times, points, go_back = self._simulation.times, self._points, self._save_step()
         shortest = _SHORT * (times[points] - times[points - 1])
 
         def attempt(stop: float, *, shown: bool = False) -> bool:
@@ -574,40 +568,39 @@ class Run:
             refusals.clear()
             try:
                 if stop - start < shortest:
-                    loop.add(
-                        stop, self._cross_break(start, stop), result_time=stop if shown else None, after_break=True
-                    )
+                    row = self._steps.step_across(start, stop)
+                    loop.add(stop, row, result_time=stop if shown else None, after_break=True)
                     reached = 1
                 else:
                     if halves:
-                        self._advance_smoothly([(start + stop) / 2], in_result=False)
-                    reached = self._advance_smoothly([stop], in_result=shown)
+                        self._advance_without_impacts([(start + stop) / 2], in_result=False)
+                    reached = self._advance_without_impacts([stop], in_result=shown)
             except RefusedError as error:
                 refusals.append(error)
                 return False
             before, after = loop.rows[[first - 1, loop.done - 1]]
-            changed = impacts.between(before, after, stop - start) or impacts.changed(before, after)
+            changed = impacts.has_impact(before, after, stop - start) or impacts.has_changed_contact(before, after)
             return not reached or not changed
 
         return attempt, go_back, refusals
 
-    def _returning(self) -> Callable[[], None]:
-        """Save the present state; returns a function that restores it, any number of times."""
-        done, restore = self._loop.done, save_state(self._bus, self._states_of_step, self._owners)
+    def _save_step(self) -> Callable[[], None]:
+        """Save the state at the start of a step; returns a function that restores it, any number of times."""
+        done, restore = self._loop.done, save_state(self._bus, self._steps.states, self._state_owners)
 
         def go_back() -> None:
-            self._loop.withdraw(done)
+            self._loop.truncate(done)
             restore()
 
         return go_back
 
-    def _advance_smoothly(self, instants: Sequence[float], *, in_result: bool = True) -> int:
-        """The same without impacts that go through several FMUs."""
+    def _advance_without_impacts(self, instants: Sequence[float], *, in_result: bool = True) -> int:
+        """Step to instants [s] up to the next break; returns how many were reached."""
         loop, deviations = self._loop, self._deviations
         if not deviations:
             loop.advance(instants, in_result=in_result)
             return len(instants)
-        first, time = loop.done, float(loop.times[loop.done - 1])
+        first, time = loop.done, loop.end
         instants = instants[: self._batch]
         integrals = deviations.integrate_steps(np.array([time, *instants]))
         self._batch = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
@@ -625,22 +618,9 @@ class Run:
         return len(integrals)
 
     def _is_first_of_piece(self) -> bool:
-        """Whether the next step is the first one of a piece: a piece of one step has no error estimate."""
+        """Whether the next step is the first one of a smooth piece, and can be divided for the error estimate."""
         loop = self._loop
-        return self._divides and loop.done - 1 == (loop.after_break[-1] if loop.after_break else 0)
-
-    def _cross_break(self, start: float, stop: float) -> Vector:
-        """Step across a break and find the next one; returns the values of the bus."""
-        bus, coupled = self._bus, self._coupled
-        bus.set_step(start, stop)
-        self._breaks.begin_piece(stop)
-        if coupled is None:
-            bus.perform(self._step)
-        else:
-            coupled.cross_break()
-            bus.perform(self._step[1:])
-        self._breaks.find_next(stop)
-        return bus.values
+        return self._divides and (loop.done == 1 or bool(loop.after_break[loop.done - 1]))
 
     @property
     def instants(self) -> Vector:
@@ -651,7 +631,7 @@ class Run:
     def result(self) -> Result:
         """The result so far, with all warnings."""
         with collected_warnings() as last:
-            result = self.concluded()
+            result = self.conclude()
         return add_warnings(result, (*self._warnings.texts, *last.texts))
 
     def recorded_result(self) -> Result:
@@ -685,8 +665,8 @@ class Run:
             warnings=simulation.warnings,
         )
 
-    def concluded(self) -> Result:
-        """Warn of values that are not finite, lost impulses and large coupling errors; returns the result."""
+    def conclude(self) -> Result:
+        """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors."""
         result = self.recorded_result()
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
@@ -703,38 +683,31 @@ class Run:
             return np.array([0.0, *self._errors])
         loop, sums = self._loop, np.zeros(len(in_result))
         self._estimate.reset()
-        errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.after_break)
+        points = slice(loop.done)
+        errors = self._estimate.estimate(loop.rows[points], loop.times[points], loop.after_break[points])
         if len(in_result) > 1:
             sums[1:] = np.add.reduceat(errors[: in_result[-1] + 1], in_result[:-1] + 1)
         return sums
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the first."""
-        return float(self._loop.times[self._loop.done - 1]) if self._loop.done else None
+        return self._loop.end if self._loop.done else None
 
-    def _prepare_calls(self) -> tuple[list[Call], list[Call], list[Call]]:
-        """Prepare the coupling; returns the calls of initialization, after it, and of a communication step."""
-        if not self._simulation.iterates:
-            return explicit.prepared_calls(self._simulation, self._instances, self._bus)
-        self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
-        recorded_only = [call for name in self._instances for call in self._read_recorded_only(name)]
-        settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
-        return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
-
-    def _prepare_estimate(self) -> tuple[list[Call], Estimate]:
-        """Prepare the estimate of coupling errors; returns the calls for it at the start, too."""
-        simulation, bus, coupled = self._simulation, self._bus, self._coupled
-        gains = {} if coupled is None else coupled.gains
-        calls, initial_gains = initial_derivatives(simulation, self._instances, bus, gains)
-        slopes = {} if coupled is None else coupled.slopes
-        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial_gains}, self._deviations.columns)
-        return calls, Estimate(inputs, bus.index, unit_numbers(simulation, bus), contact_mechanisms(simulation, bus))
-
-    def _read_recorded_only(self, name: str) -> list[Call]:
-        places = self._bus.recorded_only(name)
-        variables = self._simulation.parts[name].fmu.variables
-        read = [variables[variable] for _, variable in places]
-        return [self._instances[name].getter(read, self._bus.view(places))] if places else []
+    def _prepare_calls(self) -> CommunicationCalls:
+        """Prepare the calls of the coupling."""
+        simulation, instances, bus = self._simulation, self._instances, self._bus
+        if not simulation.iterates:
+            return communication_calls(simulation, instances, bus)
+        self._coupled = coupled = Coupled(simulation, instances, bus)
+        recorded_only = [
+            instances[name].getter(
+                [simulation.parts[name].fmu.variables[v] for _, v in references], bus.view(references)
+            )
+            for name, references in bus.recorded_only.items()
+            if references
+        ]
+        initial, later = (Call(coupled.solve_at_instant, initial=initial) for initial in (True, False))
+        return CommunicationCalls([initial], [later, *recorded_only], [coupled.advance, *recorded_only])
 
 
 @contextmanager
@@ -749,8 +722,8 @@ def _pause_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def started(simulation: Simulation) -> Run:
-    """A run at its start time, to be closed.
+def start_run(simulation: Simulation) -> Run:
+    """Initialize the FMUs of a simulation; returns the run, which the caller closes.
 
     :raises SimulationError: if an FMU cannot be initialized.
     """
@@ -763,7 +736,7 @@ def started(simulation: Simulation) -> Run:
     return run
 
 
-def performed(
+def run_to_end(
     simulation: Simulation, *, progress: bool = False, verify: bool = False, real_time: float | None = None
 ) -> Result:
     """Run a simulation from its start to its end, or until an FMU ends it.
@@ -797,7 +770,7 @@ def performed(
             if run.reached() is None:
                 raise
             failure = error
-        result = run.concluded()
+        result = run.conclude()
         if verify and failure is None:
             result = _with_differences(simulation, result, run.instants)
     result = add_warnings(result, warned.texts)
@@ -810,7 +783,7 @@ def performed(
 
 
 def _with_differences(simulation: Simulation, result: Result, instants: Vector) -> Result:
-    """Simulate once more at half the steps; returns the result with the differences as its errors.
+    """Simulate again at half the steps; returns the result with the differences as its errors.
 
     :param instants: ends of the steps [s], breaks included: steps that samples have divided are halved, too.
     """

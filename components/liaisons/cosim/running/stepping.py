@@ -16,7 +16,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
-from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.instances.protocol import Instance, Instances
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Feeds
 from liaisons.errors import InvalidValueError, SimulationError
@@ -42,8 +42,8 @@ class FreeInput:
         self.values = np.full(len(scalars), np.nan)
         self.put: Call = instance.setter(scalars, self.values)
 
-    def check(self, value: ArrayLike) -> Vector | float:
-        """A value as numbers.
+    def checked_numbers(self, value: ArrayLike) -> Vector | float:
+        """A value of the input as numbers.
 
         :raises SimulationError: if it is not finite, or not of the type or the shape of the input.
         """
@@ -61,7 +61,7 @@ class FreeInput:
         return checked.ravel() if self._shape else checked.item()
 
     def assign(self, numbers: Vector | float) -> bool:
-        """Set :attr:`values`, but not yet the FMU; returns whether they are others than before."""
+        """Set :attr:`values`, without :attr:`put`; returns whether they have changed."""
         if self._shape:
             same = np.array_equal(self.values, numbers)
             self.values[:] = numbers
@@ -88,6 +88,11 @@ class RunState:
 
     def __repr__(self) -> str:
         return f"<state at t = {self.time:.10g} s>"
+
+
+def state_calls(instances: Instances) -> list[tuple[Call, Call]]:
+    """Prepare calls that save and restore each FMU."""
+    return [instance.save_and_restore_calls() for instance in instances.values()]
 
 
 def save_state(bus: Bus, calls: Iterable[tuple[Call, Call]], owners: Iterable[Any]) -> Callable[[], None]:

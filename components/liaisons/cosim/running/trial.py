@@ -102,7 +102,7 @@ def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) 
 
 
 def _in_interpreter(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
-    """The same in a new interpreter, where processes cannot be forked."""
+    """Start an FMU in a new interpreter; returns the last stage, and how the process crashed, if it did."""
     task = part, directory, begin, size
     done = subprocess.run(
         [sys.executable, "-P", "-c", f"from {__name__} import _print_stages; _print_stages()"],
@@ -124,12 +124,7 @@ def _print_stages() -> None:
     die_with_parent(parent)
     try:
         for stage in _stages(partial(make, part.name, part.fmu, directory), part, begin, size):
-            _print_stage(stage)
+            os.write(1, f"\nSTAGE {stage}\n".encode())
     except SimulationError:
-        _print_stage("refused")
+        os.write(1, b"\nSTAGE refused\n")
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
-
-
-def _print_stage(stage: str) -> None:
-    sys.stdout.write(f"\nSTAGE {stage}\n")
-    sys.stdout.flush()
