@@ -39,7 +39,7 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """Return a formula as a CasADi expression.
+    """Return the CasADi expression of a formula.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
     :raises FormulaError: for an error in it; with its position, and the nearest name.
@@ -71,7 +71,7 @@ class _RefusedError(Exception):
 
 
 def _error_at(text: str, column: int, words: str) -> FormulaError:
-    """Return the error about a column of a formula."""
+    """Return an error that names the position in a formula."""
     return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
@@ -121,7 +121,7 @@ class _Reader:
         return self.names[name]
 
     def _function_named(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
-        """Return the function of a name that takes so many arguments."""
+        """Return the function of a name, checked to take so many arguments."""
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1

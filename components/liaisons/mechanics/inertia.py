@@ -39,7 +39,9 @@ class Inertia:
             return right / self.system
         return self._factored_system.solve(self._padded_with_zeros(right))[: self.matrix.shape[0], :]
 
-    def under(self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True) -> tuple[ca.SX, ca.SX]:
+    def solve_constrained(
+        self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True
+    ) -> tuple[ca.SX, ca.SX]:
         """Solution x, λ of A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
 
         Where C loses rank, C A⁻¹ Cᵀ is singular: (C A⁻¹ Cᵀ + S) λ = c - C A⁻¹ f is solved in its place, S diagonal and
@@ -95,7 +97,7 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
 
 
 def _lifted_system(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
-    """System in (q̇, ẇ, π) and its order of pivots; None if no point carries a mass of its own."""
+    """Matrix of the system in (q̇, ẇ, π) and what its pivots wait for; None if no point has a mass of its own."""
     names = [point.name for point in m.points]
     while names:  # without those that carry no mass
         twin = m.with_symbolic_points(names)
@@ -111,7 +113,7 @@ def _lifted_system(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
 
 
 def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> tuple[ca.SX, dict[int, set[int]]]:
-    """Hessian H in (q̇, ẇ) bordered by the conditions that tie ẇ to q̇, and its order of pivots."""
+    """Hessian H bordered by G, whose rows tie ẇ to q̇; and for each unknown those to be eliminated before it."""
     f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
     places = stack(value for name in twin.placeholders.names for value in getattr(type(m), name).method(twin).values())
     slope = ca.horzcat(ca.jacobian(places, m.free.q) @ m.free.kinematics, ca.jacobian(places, twin.placeholders.w))
