@@ -136,10 +136,6 @@ class ContactMotion(SteppedMotion):
             (entries["kind"] >= Kind.GRAZED).any() or self._is_recorded(entries.of_kind(Kind.SETTLED)["t"]).any()
         )
 
-    def _times_at_event(self, instant: float) -> NDArray[np.bool_]:
-        """Which of the recorded times are that of an event, (times,)."""
-        return np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
-
     def _is_recorded(self, instants: Floats) -> NDArray[np.bool_]:
         """Which events are at a recorded time, (events,)."""
         later = np.searchsorted(self.times, instants)
@@ -150,7 +146,8 @@ class ContactMotion(SteppedMotion):
         """Log the derivatives that do not exist; return whether one is among these, (times, values)."""
         result = np.zeros((len(self.times), len(self.values)), dtype=bool)
         for instant, columns, reason, lasts in undefined:
-            where = self._times_at_event(instant) | (lasts & (self.times > instant))
+            where = np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
+            where |= lasts & (self.times > instant)
             new = where[:, None] & columns & ~result
             if new.any():
                 names, when = np.array(self.names)[new.any(axis=0)], "from here on" if lasts else "there"

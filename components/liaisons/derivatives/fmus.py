@@ -25,10 +25,9 @@ from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
-from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.linearization import Method
 from liaisons.cosim.running.run import performed
-from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
+from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned, with_start_values
 from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
 from liaisons.errors import RefusedError, SimulationError
 
@@ -115,16 +114,12 @@ class FmuMotion:
 
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
         """Result of a run of the FMUs with further start values."""
-        parts, title = self.system.filled(), self.name
-        starts = {owner: dict(part.starts) for owner, part in parts.items()}
-        for name, value in {**self.starts, **values}.items():
-            owner, variable = owned(title, parts, "value", name, single=self.single)
-            starts[owner][variable] = value
+        title, starts = self.name, {**self.starts, **values}
+        parts = with_start_values(title, self.system.filled(), starts, single=self.single)
         functions = input_functions(title, parts, self.inputs, single=self.single)
         settings = SimulationSettings(
             times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
         )
-        parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
         return performed(checked(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:

@@ -34,6 +34,16 @@ def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
     return ca.jacobian(expression, column).T
 
 
+def term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
+    """Return the sums of the absolute values of the terms of matrix @ column."""
+    return ca.fabs(matrix) @ ca.fabs(column)
+
+
+def at_zero(expression: ca.SX, symbols: ca.SX) -> ca.SX:
+    """Return an expression with zeros in place of a column of symbols."""
+    return ca.substitute(expression, symbols, type(symbols).zeros(*symbols.shape))
+
+
 def is_quadratic(expression: ca.SX, column: ca.SX) -> bool:
     """Whether the second derivatives of an expression by a column do not depend on it."""
     return not ca.depends_on(ca.hessian(expression, column)[0], column)

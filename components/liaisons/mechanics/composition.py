@@ -15,11 +15,12 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import at_zero
 from liaisons.language.layout import Layout
 from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, functions_in_modes, refuse_long, refuse_many
+from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long, refuse_many
 
 
 def compose(
@@ -208,10 +209,8 @@ class _Joined:
         conditions = {text: connected(row) for text, row in self._conditions().items()}
         results["conditions"] = self._to_column(conditions.values())
         numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
-        functions = functions_in_modes(
-            *(self.contacts, self.vectors, results, numbers, layout), memory=self.memory, condition_texts=conditions
-        )
-        return functions | {"drawn": (NEXT_EVENT,) if announcing else ()}
+        modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, self.memory, tuple(conditions))
+        return modes.functions() | {"drawn": (NEXT_EVENT,) if announcing else ()}
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
         """Column of one of :data:`CONTACT_NUMBERS` of the contacts of some kinds."""
@@ -253,7 +252,7 @@ class _Joined:
         booked = memory.shape[0] and ca.jacobian_sparsity(z[self.sources], memory).nnz()
         if booked:
             raise ComponentError(f"{self.name}: work and energy_balance cannot be connected; integrate the power")
-        h = ca.substitute(z[self.sources], memory, self.kind.zeros(*memory.shape))
+        h = at_zero(z[self.sources], memory)
         pattern = ca.jacobian_sparsity(h, self.v)
         solved = [self.kind(0)] * len(self.inner)
         _, order, starts = pattern.T.scc()  # those that others depend on first

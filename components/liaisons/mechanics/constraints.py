@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import at_zero, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia
 
@@ -36,7 +36,6 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
 
     :param alpha: a residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, where it would grow linearly [1/s].
     """
-    zero = ca.SX.zeros(m.free.q_ddot.shape)
     accelerated: list[ca.SX] = []
     residuals: list[ca.SX] = []
     rate_residuals: list[ca.SX] = []
@@ -63,7 +62,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
     return Constraints(
         matrix=matrix,
         squares=_squared_coefficients(m, matrix),
-        targets=-ca.substitute(rows, m.free.q_ddot, zero),
+        targets=-at_zero(rows, m.free.q_ddot),
         residuals=stack(residuals),
         rate_residuals=stack(rate_residuals),
         holonomic=tuple(i for i in range(len(accelerated)) if not first <= i < last),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import gradient, is_quadratic
+from liaisons.expressions.algebra import at_zero, gradient, is_quadratic
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia, inertia_of
@@ -43,9 +43,9 @@ def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
     velocities, convergence = _velocities(m, L, metric)
     lagrangian_gradient = m.free.kinematics.T @ gradient(L, m.free.q)
     # A ẍ = lagrangian_gradient + Q less the part of d/dt ∂L/∂ẋ without ẍ.
-    bias = lagrangian_gradient + _gyroscopic_forces(m, p) - _at_rest(m.dot(p), q_ddot)
+    bias = lagrangian_gradient + _gyroscopic_forces(m, p) - at_zero(m.dot(p), q_ddot)
     p_s = gradient(L, s_dot)
-    resting = _at_rest(m.dot(p_s), q_ddot)
+    resting = at_zero(m.dot(p_s), q_ddot)
 
     def forward(on_free: ca.SX, on_active: ca.SX) -> tuple[ca.SX, ca.SX]:
         accelerations = metric.solve(bias + on_free)
@@ -58,13 +58,8 @@ def _velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
     """Velocities ẋ of the momenta, p = A ẋ + b where L is quadratic, else by Newton's method with its margins > 0."""
     p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
     if is_quadratic(L, q_dot):
-        return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
+        return metric.solve(p - at_zero(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
     return rates_from_momenta(L, q_dot, p), convergence_margins(L, q_dot, p, m.free.rate_sizes)
-
-
-def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:
-    """Expression at zero rates."""
-    return ca.substitute(expression, rates, ca.SX.zeros(rates.shape))
 
 
 def _by_recursion(m: Linkage) -> Dynamics:

@@ -19,7 +19,7 @@ from liaisons.mechanics.model import Model, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_linkage, of_mechanism
-from liaisons.mechanics.unilateral import contact_numbers, contacts_of, functions_in_modes
+from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -78,9 +78,10 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     results |= {"conditions": distances, "events": ca.SX(0, 1)}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
     texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
+    modes = ContactModes(contacts, vectors, results, numbers, flat, memory, texts)
     return Model(
         **declared_fields(m),
-        **functions_in_modes(contacts, vectors, results, numbers, flat, memory=memory, condition_texts=texts),
+        **modes.functions(),
         start_only=len(at_start),
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,

@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import gradient, solve_symmetric, stack
+from liaisons.expressions.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
@@ -70,7 +70,7 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     recursion = Recursion(m, share)
     momenta = [f"p_{rate}".removesuffix("_dot") for rate in ca.vertsplit(m.free.q_dot)]
     on_free = equations.applied_forces[: m.free.q_dot.shape[0], 0]
-    unloaded = ca.substitute(on_free, equations.point_loads, ca.SX.zeros(equations.point_loads.shape))
+    unloaded = at_zero(on_free, equations.point_loads)
     slope, applied = recursion.lagrangian_gradient, unloaded + elastic_forces(m)[0]
     return (
         *rows,
@@ -139,7 +139,7 @@ def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
     m, A = equations.mechanism, equations.mass_matrix
     alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
     C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[m.active.adapted :, 0])
-    forces = ca.substitute(equations.forces + C.T @ lambdas, alone, ca.SX.zeros(alone.shape))
+    forces = at_zero(equations.forces + C.T @ lambdas, alone)
     names = [q.name for q in m.coordinates]
     turns = [rate for orientation in m.orientations for rate in orientation.rates]
     accelerations = [suffixed(name, "_ddot") for name in names] + [suffixed(rate, "_dot") for rate in turns]
@@ -185,7 +185,7 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
             "that no Hamiltonian of all momenta exists"
         )
     p = ca.vertcat(m.free.p, stack(ca.SX.sym(f"p_{s.name}") for s in m.actives))
-    still = ca.substitute(ca.vertcat(momenta, L), rates, ca.SX.zeros(rates.shape))
+    still = at_zero(ca.vertcat(momenta, L), rates)
     moving = p - still[:-1]
     solved = solve_symmetric(metric, moving)
     pulled = ca.substitute(gradient(L, x), rates, solved)  # -∂H/∂x by Legendre's transformation

@@ -27,7 +27,7 @@ from liaisons.mechanics.model import Contact, Model, declared_fields
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
-from liaisons.mechanics.unilateral import contacts_of, functions_in_modes
+from liaisons.mechanics.unilateral import ContactModes, contacts_of
 
 
 @cache
@@ -135,8 +135,7 @@ def _unrolled_functions(
         returned = values(program, SIGNATURES[name].arguments + "x")
         results[name] = tuple(returned) if len(returned) > 1 else returned[0]
     columns = {name: values(program, rows)[0] for name, program in numbers.items()}
-    memory = memory_names(layout)
-    return functions_in_modes(contacts, vectors, results, columns, layout, memory=memory, condition_texts=())
+    return ContactModes(contacts, vectors, results, columns, layout, memory_names(layout), ()).functions()
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
