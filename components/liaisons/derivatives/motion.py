@@ -138,8 +138,7 @@ class SteppedMotion(ABC):
         if k.shape != self.values.shape:
             raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
         for (name, variable), value in zip(self.variables.items(), k.tolist(), strict=True):
-            if not (np.isfinite(value) and variable.allows(value)):
-                raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
+            check_domain(self.name, name, variable, value)
         return k
 
     def _stages(self, run: Integration, leg: Any) -> Floats:
@@ -382,6 +381,12 @@ class DifferentiableMotion(SteppedMotion):
             spans, elapsed = np.diff(segment.instants)[interval], ends - segment.instants[interval]
             result.append((np.where(spans > 0, elapsed / np.where(spans > 0, spans, 1), 1), counts))
         return result
+
+
+def check_domain(owner: str, name: str, variable: Variable, value: float) -> None:
+    """Raise a SimulationError for a value that is not finite, or outside the domain of its variable."""
+    if not (np.isfinite(value) and variable.allows(value)):
+        raise SimulationError(f"{owner}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
 
 
 def recorded_times(times: ArrayLike, start_time: float) -> Floats:

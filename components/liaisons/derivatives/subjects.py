@@ -15,7 +15,7 @@ from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.contact_motion import ContactMotion, with_contacts
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import motion_functions
-from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
+from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, check_domain, recorded_times
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, operator_models, settable, smooth_model
 from liaisons.errors import ComponentError, SimulationError, suggestion
@@ -87,9 +87,7 @@ def motion_of(
             raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
         values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
     for name, value in values.items():
-        if not (np.isfinite(value) and variables[name].allows(value)):
-            domain = variables[name].domain() or "finite"
-            raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
+        check_domain(model.name, name, variables[name], value)
     names = dict.fromkeys(element for name in listed("by", by) for element in _variable_names(model, name, variables))
     shared = [name for name in values if name not in names]
 

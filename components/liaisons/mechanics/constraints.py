@@ -36,36 +36,31 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
 
     :param alpha: a residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, where it would grow linearly [1/s].
     """
-    accelerated: list[ca.SX] = []
-    residuals: list[ca.SX] = []
-    rate_residuals: list[ca.SX] = []
+    rows: list[tuple[ca.SX, ca.SX, ca.SX]] = []  # residual, its rate, and what vanishes at the right accelerations
 
     def append_constraint(phi: ca.SX, sigma: ca.SX, sigma_dot: ca.SX, sigma_ddot: ca.SX) -> None:
         phi_dot = m.dot(phi)
-        residuals.append(phi - sigma)
-        rate_residuals.append(phi_dot - sigma_dot)
-        accelerated.append(m.dot(phi_dot) - sigma_ddot + 2 * alpha * rate_residuals[-1] + alpha**2 * residuals[-1])
+        r, r_dot = phi - sigma, phi_dot - sigma_dot
+        rows.append((r, r_dot, m.dot(phi_dot) - sigma_ddot + 2 * alpha * r_dot + alpha**2 * r))
 
     for item in m.constraints:
         append_constraint(getattr(m, item.name), *(ca.SX(0),) * 3)
     for item in m.non_holonomic:
         rho = getattr(m, item.name)
-        residuals.append(rho)
-        rate_residuals.append(rho)
-        accelerated.append(m.dot(rho) + alpha * rho)
+        rows.append((rho, rho, m.dot(rho) + alpha * rho))
     for item in m.rheonomic_constraints:
         append_constraint(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
 
-    rows = stack(accelerated)
+    residuals, rate_residuals, accelerated = (stack(row[i] for row in rows) for i in range(3))
     first, last = len(m.constraints), len(m.passive_constraints)
-    matrix = ca.jacobian(rows, m.free.q_ddot)
+    matrix = ca.jacobian(accelerated, m.free.q_ddot)
     return Constraints(
         matrix=matrix,
         squares=_squared_coefficients(m, matrix),
-        targets=-at_zero(rows, m.free.q_ddot),
-        residuals=stack(residuals),
-        rate_residuals=stack(rate_residuals),
-        holonomic=tuple(i for i in range(len(accelerated)) if not first <= i < last),
+        targets=-at_zero(accelerated, m.free.q_ddot),
+        residuals=residuals,
+        rate_residuals=rate_residuals,
+        holonomic=tuple(i for i in range(len(rows)) if not first <= i < last),
     )
 
 
