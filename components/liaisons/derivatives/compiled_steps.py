@@ -249,14 +249,14 @@ class CompiledSteps:
         return states, stages
 
     def directional_derivatives(
-        self, steps: Steps, k: Floats, stages: Floats, of_k: Floats, of_y: Floats
+        self, steps: Steps, k: Floats, stages: Floats, k_directions: Floats, y_directions: Floats
     ) -> tuple[Floats, Floats]:
         """Derivatives of states along directions, at recorded ends (records, states, directions), and at the last end.
 
-        :param of_k: derivatives of the values, (values, directions); of_y: of the first state.
+        :param k_directions: directions of the values, (values, directions); ``y_directions``: of the first state.
         """
-        states, count = of_y.shape
-        dk, dy = packs(of_k, DIRECTIONS), packs(of_y, DIRECTIONS)
+        states, count = y_directions.shape
+        dk, dy = packs(k_directions, DIRECTIONS), packs(y_directions, DIRECTIONS)
         dt, dh = (np.ascontiguousarray(packs(rows, DIRECTIONS).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h))
         blocks, is_recorded = len(dy), steps.records >= 0
         record = np.where(is_recorded, np.cumsum(is_recorded) - 1, -1)
@@ -267,15 +267,15 @@ class CompiledSteps:
         return unpacked(records, count), unpacked(dy, count)
 
     def adjoint_derivatives(
-        self, steps: Steps, k: Floats, stages: Floats, weights: Floats, of_y: Floats
+        self, steps: Steps, k: Floats, stages: Floats, weights: Floats, y_adjoint: Floats
     ) -> tuple[Floats, Floats, Floats]:
         """Derivatives of a weighted sum of states by the values (values,), and by starts and sizes of steps (steps,).
 
         :param weights: derivatives by the states at all recorded times, (times, states).
-        :param of_y: derivatives of the sum by the last state; replaced by those by the first one.
+        :param y_adjoint: derivatives of the sum by the last state; replaced by those by the first one.
         """
         of_k, of_t, of_h = np.zeros(len(k)), np.empty(len(steps.t)), np.empty(len(steps.t))
-        sums = [weights, of_y, of_k, of_t, of_h]
+        sums = [weights, y_adjoint, of_k, of_t, of_h]
         self.call("adjoint", "adjoint", *steps.arguments(k), stages, steps.records, *sums)
         return of_k, of_t, of_h
 

@@ -68,9 +68,7 @@ class FmuEquations:
             [v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1)
         )
         self.inputs, self.outputs = (
-            [fmu.variables[n] for n in default]
-            if names is None
-            else [fmu.variables[n] for group in names for n in part.recordable(group)]
+            [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable(group)]
             for names, default in (
                 (inputs, [n for n in fmu.reals("input") if fmu.variables[n].continuous]),
                 (outputs, fmu.reals("output")),

@@ -19,7 +19,7 @@ from liaisons.expressions.operations import Instruction
 
 _SUMS = (ca.OP_ADD, ca.OP_SUB)
 
-Signed = tuple[int, int]
+SignedNode = tuple[int, int]
 """A node, and 1 or -1."""
 
 Term = tuple[list[int], int]
@@ -70,7 +70,7 @@ class Factored:
                 (left if x in self._absorbed_nodes else factors).append(x)
         return factors
 
-    def _add_factored_sum(self, terms: Sequence[Term]) -> Signed:
+    def _add_factored_sum(self, terms: Sequence[Term]) -> SignedNode:
         """Add a sum of products with common factors in front; return its node and sign, -1 if all terms have it."""
         left = list(terms)
         while True:
@@ -83,9 +83,9 @@ class Factored:
             rest, sign = self._add_factored_sum(rests)
             left = [term for term, has in zip(left, having, strict=True) if not has] + [([rest, *common], sign)]
 
-    def _add_sum(self, leaves: Sequence[Signed]) -> Signed:
+    def _add_sum(self, terms: Sequence[SignedNode]) -> SignedNode:
         """Add a sum; return its node and sign."""
-        left = deque(sorted(leaves))
+        left = deque(sorted(terms))
         while len(left) > 1:
             (x, of_x), (y, of_y) = left.popleft(), left.popleft()
             if of_x == of_y:

@@ -40,7 +40,7 @@ def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Momentum and its inverse.
     p, metric = gradient(L, q_dot), inertia_of(m, L)
-    velocities, convergence = _velocities(m, L, metric)
+    velocities, convergence = _velocities_and_margins(m, L, metric)
     lagrangian_gradient = m.free.kinematics.T @ gradient(L, m.free.q)
     # A ẍ = lagrangian_gradient + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     bias = lagrangian_gradient + _gyroscopic_forces(m, p) - at_zero(m.dot(p), q_ddot)
@@ -54,7 +54,7 @@ def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
     return Dynamics(p, metric, velocities, convergence, lagrangian_gradient, bias, forward)
 
 
-def _velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
+def _velocities_and_margins(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
     """Velocities ẋ of the momenta, p = A ẋ + b where L is quadratic, else by Newton's method with its margins > 0."""
     p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
     if is_quadratic(L, q_dot):
