@@ -79,7 +79,7 @@ class LookupTable:
     events: ca.Function | None = None
 
     @property
-    def seen(self) -> int:
+    def numbers_read(self) -> int:
         """Count of the numbers that functions read: of two rows at each time."""
         return 2 * sum(map(len, self.lookups))
 
