@@ -48,15 +48,15 @@ def chain_model(component: type[Chain], n: int) -> Model:
     u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
     contacts = contacts_of(m)
-    base, slope = _first_joint(m)
+    base = _base(m)
     moving = link_motion(link, base)
-    more, numbers = link_contact_numbers(m, link, base, slope, moving)
+    more, numbers = link_contact_numbers(m, link, base, moving)
     steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), more[0], *moving.steps, *more[1:]]
     energy = moving.kinetic_energy + moving.potential_energy
     to_start, initial, energy_at_start = _start_steps(link, base, symbols, steps, energy)
     to_sizes, nominals = _nominal_states(component, link)
 
-    forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
+    forces = base.slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
     read = _outputs(m, link, moving, forces, rates)
     read |= contact_outputs(m, numbers["gap"].entries, numbers["v"].entries)
@@ -174,15 +174,15 @@ def _row_programs(
     return programs
 
 
-def _first_joint(m: Chain) -> tuple[Base, ca.SX]:
-    """Motion of the first joint, w = B(s), and ∂B/∂s (d, a)."""
+def _base(m: Chain) -> Base:
+    """Joint of the first link, w = B(s), with its motion."""
     components = m.base()
     if components is None:
         d = m.w.shape[0]
-        return Base(*(ca.SX.zeros(d) for _ in range(3))), ca.SX(d, 0)
+        return Base(*(ca.SX.zeros(d) for _ in range(3)), ca.SX(d, 0))
     position = m.joint_column(components)
     velocity = m.dot(position)
-    return Base(position, velocity, m.dot(velocity)), ca.jacobian(position, m.s)
+    return Base(position, velocity, m.dot(velocity), ca.jacobian(position, m.s))
 
 
 def _start_steps(

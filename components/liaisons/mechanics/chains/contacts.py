@@ -10,12 +10,9 @@ from liaisons.mechanics.unilateral import CONTACT_NUMBERS, contact_thresholds
 
 
 def link_contact_numbers(
-    m: Chain, link: ChainLink, base: Base, slope: ca.SX, moving: LinkMotion
+    m: Chain, link: ChainLink, base: Base, moving: LinkMotion
 ) -> tuple[list[Step], dict[str, Vector]]:
-    """Steps that the numbers of the contacts of a link need, and columns of :data:`CONTACT_NUMBERS` by name.
-
-    :param slope: ∂w/∂s at the base.
-    """
+    """Steps that the numbers of the contacts of a link need, and columns of :data:`CONTACT_NUMBERS` by name."""
     rates, v, a = m.contact_rates(), link.v, moving.accelerations
     gaps = stack(map(m.expression_of, m.unilaterals))
     sizes = ca.SX(ca.DM([q.nominal for q in m.coordinates]))
@@ -26,7 +23,7 @@ def link_contact_numbers(
         """Sum of the absolute terms of a function of q and w, from their sizes."""
         return ca.fabs(ca.jacobian(function, link.q)) @ coordinates + ca.fabs(ca.jacobian(function, link.w)) @ joint
 
-    across, rest = ca.fabs(slope), link.rate(rates)
+    across, rest = ca.fabs(base.slope), link.rate(rates)
     moved, fast, forced = sizes + ca.fabs(link.q), sizes + ca.fabs(v), 1e-3 * sizes + ca.fabs(a)
     steps: list[Step] = [
         carry(w, across @ ca.fabs(m.s), term_sum(link.tip, moved, w)),

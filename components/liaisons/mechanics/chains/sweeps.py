@@ -95,6 +95,7 @@ class Base:
     w: ca.SX
     w_dot: ca.SX
     w_ddot: ca.SX
+    slope: ca.SX  # ∂w/∂s (d, a)
 
 
 @dataclass(frozen=True, eq=False)
