@@ -178,8 +178,8 @@ def _base(m: Chain) -> Base:
     """Joint of the first link, w = B(s), with its motion."""
     components = m.base()
     if components is None:
-        d = m.w.shape[0]
-        return Base(*(ca.SX.zeros(d) for _ in range(3)), ca.SX(d, 0))
+        zero = ca.SX.zeros(m.w.shape[0])
+        return Base(zero, zero, zero, ca.SX(zero.shape[0], 0))
     position = m.joint_column(components)
     velocity = m.dot(position)
     return Base(position, velocity, m.dot(velocity), ca.jacobian(position, m.s))
