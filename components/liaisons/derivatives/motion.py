@@ -198,7 +198,7 @@ class SteppedMotion(ABC):
             raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
 
     def _refuse_stuck(self, segment: Segment, k: Floats, y: Floats, ends: Floats, totals: Integers) -> None:
-        """Raise a SimulationError if steps were too large however small: if there are no totals."""
+        """Raise a SimulationError if no step was small enough: if there are no totals."""
         if totals.size:
             return
         t = ends[-1:] if ends.size else segment.instants[:1]

@@ -20,7 +20,7 @@ from liaisons.language.layout import Layout
 from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long, refuse_many
+from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long_chain, refuse_many_contacts
 
 
 def compose(
@@ -140,20 +140,21 @@ class _Joined:
 
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
         self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
-        refuse_many(name, self.contacts)
+        refuse_many_contacts(name, self.contacts)
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         if self.contacts:  # chains are written out link by link
             scalar = True
-            refuse_long(name, max((program.n for model in models for program in model.programs), default=0))
+            refuse_long_chain(name, max((program.n for model in models for program in model.programs), default=0))
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
-        inputs = [v.name for v in _concatenated(models, "inputs")]
-        self.inner = [variable for variable in inputs if variable in connections]
+        inputs = _concatenated(models, "inputs")
+        self.inner = [variable for variable in inputs if variable.name in connections]
         self.v = kind.sym("v", len(self.inner))
-        outer = [variable for variable in inputs if variable not in connections]
+        outer = [variable for variable in inputs if variable.name not in connections]
         self.memory, symbol = _concatenated(models, "memory"), kind.sym
         u, x = symbol("u", len(outer)), symbol("x", len(self.contacts))
-        symbol_of = dict(zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True))
+        symbols = zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True)
+        symbol_of = {variable.name: value for variable, value in symbols}
         force_of = dict(zip(self.contacts, ca.vertsplit(x), strict=True))
         counts = {
             letter: [len(getattr(model, group)) for model in models]
@@ -175,7 +176,7 @@ class _Joined:
             for model, *columns in zip(models, *split, strict=True)
         ]
         outputs = [v.name for v in _concatenated(models, "outputs")]
-        self.sources = [outputs.index(connections[variable]) for variable in self.inner]
+        self.sources = [outputs.index(connections[variable.name]) for variable in self.inner]
 
     def functions(self, layout: Layout) -> dict[str, Any]:
         """Functions of the composed model, and what belongs to them: arguments of Model."""
@@ -223,9 +224,8 @@ class _Joined:
     def _conditions(self) -> dict[str, Any]:
         """Expressions that stay > 0, by message: domains of connected inputs, conditions of parts, then starts."""
         lasting, at_start = dict[str, Any](), list[tuple[str, Any]]()
-        for variable in _concatenated([part.model for part in self.parts], "inputs"):
-            if variable.name in self.inner:
-                lasting |= domain_conditions(variable, self.v[self.inner.index(variable.name)])
+        for variable, value in zip(self.inner, ca.vertsplit(self.v), strict=True):
+            lasting |= domain_conditions(variable, value)
         for part in self.parts:
             conditions = list(
                 zip(part.model.condition_texts, ca.vertsplit(part.function_results("conditions")[0]), strict=True)
@@ -270,7 +270,7 @@ class _Joined:
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
         if ca.depends_on(H, self.v):
-            names = ", ".join(self.inner[i] for i in members)
+            names = ", ".join(self.inner[i].name for i in members)
             raise ComponentError(f"{self.name}: {names} depend on each other, and not linearly; open the loop")
         return ca.solve(ca.densify(self.kind.eye(len(members)) - H), explicit)
 

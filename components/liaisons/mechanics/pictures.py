@@ -18,7 +18,7 @@ from liaisons.language.variables import Variable, element
 
 _NEWER = {"rope", "floor", "flash"}  # than version 1.0 of resources/picture.json
 
-MOST_LINKS = 200
+_MOST_DRAWN_LINKS = 200
 """Of a longer chain the first ones are drawn."""
 
 _DRAWN = "picture"
@@ -102,7 +102,7 @@ def chain_picture(
     of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
     names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in variables.items()}
     joint: list[tuple[float | str, ca.SX]] = []
-    for number in range(1, min(n, MOST_LINKS) + 1):
+    for number in range(1, min(n, _MOST_DRAWN_LINKS) + 1):
         link = _Link(number, names, drawing, [(m.number, ca.SX(number))])
         for name, vector in vectors.items():
             places = zip(vector.offsets(n), vector.each, strict=False)

@@ -75,13 +75,13 @@ def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
         numbers = range(1, links + 1)
         each = [contact.renamed(partial(element, index=i)) for i in numbers if not item.last]
         contacts += each or [contact]
-    refuse_many(name, contacts)
+    refuse_many_contacts(name, contacts)
     if contacts:
-        refuse_long(name, links)
+        refuse_long_chain(name, links)
     return tuple(contacts)
 
 
-def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
+def refuse_many_contacts(name: str, contacts: Sequence[Contact]) -> None:
     """Raise a ComponentError for more than :data:`MOST_CONTACTS` of a component."""
     if len(contacts) > MOST_CONTACTS:
         names = ", ".join(dict.fromkeys(split(contact.name)[0] for contact in contacts))
@@ -90,7 +90,7 @@ def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
         )
 
 
-def refuse_long(name: str, links: int) -> None:
+def refuse_long_chain(name: str, links: int) -> None:
     """Raise a ComponentError for more than :data:`MOST_LINKS` of a chain with contacts, or beside them."""
     if links > MOST_LINKS:
         raise ComponentError(
