@@ -54,16 +54,16 @@ class ChainLink:
         return ca.jtimes(expression, ca.vertcat(self.q, self.w), ca.vertcat(self.v, self.w_dot))
 
 
-def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
+def link_of(m: Chain, inputs: Mapping[str, ca.SX] | None = None) -> ChainLink:
     """Terms of one link, from the methods of the component.
 
-    :param given: forces and loads by the names of the inputs; symbols of their own in their place.
+    :param inputs: forces and loads by name; None: symbols of their own.
     """
     bonded, points = ca.SX.sym("bonded"), m.point_components()
     drive, loads = ca.SX.sym("drive", m.q.shape[0]), ca.SX.sym("loads", len(points))
-    if given is not None:
-        drive = stack(given[f"{q.name}_force"] - given[f"{q.name}_load"] for q in m.coordinates)
-        loads = stack(given[f"{name}_load"] for name in points)
+    if inputs is not None:
+        drive = stack(inputs[f"{q.name}_force"] - inputs[f"{q.name}_load"] for q in m.coordinates)
+        loads = stack(inputs[f"{name}_load"] for name in points)
     kinetic = ca.SX(m.kinetic_energy())
     rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
     last = ca.SX.sym("last")
