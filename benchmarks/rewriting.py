@@ -24,7 +24,7 @@ from _measure import Row, command, interleaved
 from numpy.typing import NDArray
 
 from liaisons.base.compiler import compile_library, host
-from liaisons.expressions import OPERATIONS, Program, c_statements, program
+from liaisons.expressions import OPERATIONS, Program, c_parts, program
 from liaisons.expressions.sum_factoring import Expansions
 from liaisons.expressions.value_numbering import Builder
 from liaisons.fmu import build
@@ -35,7 +35,7 @@ from liaisons.models import DoublePendulum, KeplerOrbit, Pendulum, PlanarCat, Sp
 LANES, REPEATS = 256, 100
 NAMES = {
     "all passes": nullcontext,
-    "no sums of products (sums)": lambda: patch.object(Expansions, "shortened", lambda *_: None),
+    "no sums of products (sums)": lambda: patch.object(Expansions, "shortened_sum", lambda *_: None),
     "no common factors (factors)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
     "no shorter forms (rewriting)": lambda: patch.object(Builder, "perform", _as_it_is),
 }
@@ -45,7 +45,7 @@ Without = Callable[[], AbstractContextManager[object]]
 
 
 def _as_it_is(self: Builder, code: int, arguments: Sequence[tuple[float, int]]) -> tuple[float, int]:
-    return 1.0, self._add_operation(code, *map(self.node, arguments))
+    return 1.0, self._add_operation(code, *map(self.node_number, arguments))
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
@@ -84,7 +84,7 @@ def _lanes(component: type[Component], off: Without, folder: Path) -> Callable[[
     """A function that returns nanoseconds a right-hand side."""
     symbols, rates, values = _rates(component)
     with off():
-        body = c_statements(
+        [body], _ = c_parts(
             [(symbol, f"in{i}[{{}} * {LANES} + i]") for i, symbol in enumerate(symbols)],
             [(rates, f"out[{{}} * {LANES} + i]")],
         )

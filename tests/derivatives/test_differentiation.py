@@ -115,7 +115,7 @@ def test_they_are_shown_in_a_line() -> None:
         ({"cost": lambda m: m["theta"]}, r"the cost has shape \(201, 1\); it must be one number", SimulationError),
         ({"cost": lambda m: m["thet"]}, "'thet' is not recorded; did you mean 'theta'", UnknownSignalError),
         ({"stop_time": "2"}, "stop_time = '2': must be a finite number", InvalidValueError),
-        ({"step_size": 1e-9}, r"step_size = 1e-09: 1e\+09 recorded times are too many", InvalidValueError),
+        ({"step_size": 5e-7}, "step_size = 5e-07: 2000001 recorded times are too many", InvalidValueError),
         ({"times": [0.0, 1.0]}, "leave out stop_time and step_size", InvalidValueError),
         ({"cost": 3.0}, r"cost = 3\.0: give a function of the signals", InvalidValueError),
         ({"cost": lambda _: None}, "the cost is None; it must be one number", SimulationError),

@@ -14,7 +14,7 @@ import pytest
 from liaisons import expressions
 from liaisons.base.compiler import compile_library, host
 from liaisons.errors import ComponentError
-from liaisons.expressions import OPERATIONS, c_parts, c_statements, program
+from liaisons.expressions import OPERATIONS, c_parts, program
 from liaisons.mechanics import assemble
 from liaisons.models import CATALOGUE
 
@@ -81,7 +81,7 @@ def by_casadi(x: ca.SX, expressions: ca.SX, points: np.ndarray) -> np.ndarray:
 
 def by_c(x: ca.SX, expressions: ca.SX, points: np.ndarray) -> np.ndarray:
     """A loop over lanes, compiled with the flags of FMUs."""
-    body = c_statements([(x, f"x[{{}} * {POINTS} + i]")], [(expressions, f"f[{{}} * {POINTS} + i]")])
+    [body], _ = c_parts([(x, f"x[{{}} * {POINTS} + i]")], [(expressions, f"f[{{}} * {POINTS} + i]")])
     loop = f"for (int i = 0; i < {POINTS}; ++i) {{ {' '.join(body)} }}"
     code = (
         f'#include <math.h>\n__attribute__((visibility("default"))) void f(const double *x, double *f) {{ {loop} }}\n'
@@ -102,7 +102,7 @@ CLOSE: dict[str, Any] = {"rtol": 8 * 2.3e-16, "atol": 4e-16}
 def test_what_divides_several_numbers_is_inverted_once() -> None:
     x = ca.SX.sym("x", 3)
     quotients = ca.vertcat(x[0] / x[2], x[1] / x[2], 1 / x[2])
-    lines = c_statements([(x, "x[{}]")], [(quotients, "f[{}]")])
+    [lines], _ = c_parts([(x, "x[{}]")], [(quotients, "f[{}]")])
     assert sum("/" in line for line in lines) == 1
     points = np.random.default_rng(3).uniform(1.0, 3.0, (3, POINTS))
     # The reciprocal and the product are rounded, the quotient once.
@@ -153,14 +153,14 @@ def test_right_hand_sides_of_the_catalogue(component) -> None:
 
 def test_outputs_may_stand_where_inputs_are_read() -> None:
     x = ca.SX.sym("x", 2)
-    lines = c_statements([(x, "x[{}]")], [(ca.vertcat(x[1], x[0]), "x[{}]")])
+    [lines], _ = c_parts([(x, "x[{}]")], [(ca.vertcat(x[1], x[0]), "x[{}]")])
     assert [line.split(" = ")[0] for line in lines] == ["const double a0", "const double a1", "x[0]", "x[1]"]
 
 
 def test_what_occurs_twice_is_calculated_once_and_what_cancels_is_not() -> None:
     x = ca.SX.sym("x", 3)
     product = (2 * x[0]) * ca.cos(x[1]) - x[0] * (2 * ca.cos(x[1]))
-    lines = c_statements([(x, "x[{}]")], [(ca.vertcat(ca.sin(x[2]) + product, ca.sin(x[2])), "f[{}]")])
+    [lines], _ = c_parts([(x, "x[{}]")], [(ca.vertcat(ca.sin(x[2]) + product, ca.sin(x[2])), "f[{}]")])
     assert sum("sin(" in line for line in lines) == 1
     assert not any("cos(" in line for line in lines)
 

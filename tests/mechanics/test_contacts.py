@@ -345,6 +345,51 @@ def test_equations_of_arrays_of_dry_friction() -> None:
     assert "S_slip,2 = grip₂" in text
 
 
+class Crate(Mechanism):
+    """A crate that slides and stands on a floor, or is above it."""
+
+    mass = Parameter(2.0, "kg", "mass", minimum=0)
+    gravity = Parameter(10.0, "m/s2", "gravity")
+    grip = Parameter(0.6, "1", "coefficient of static friction", minimum=0)
+    drag = Parameter(0.5, "1", "coefficient of sliding friction", minimum=0)
+    x = Coordinate("m", "way along the floor")
+    z = Coordinate("m", "height above the floor")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.dot(self.x) ** 2 + self.dot(self.z) ** 2)
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    @unilateral("m", "distance of crate and floor")
+    def gap(self) -> ca.SX:
+        return self.z
+
+    @dry_friction("m/s", "sliding of the crate", static="grip", sliding="drag", normal="gap")
+    def slip(self) -> ca.SX:
+        return self.dot(self.x)
+
+
+# Modes and motion; indicators by hand, of scales with a nominal value of 1 m and rates of 1 m/s.
+STANDS = {"gap_closed": 1.0}, {}, (20 / 2 / 10.001, (0.6 * 20 - 3) / 2 / 1.501)
+SLIDES = {"gap_closed": 1.0, "slip_direction": 1.0}, {"p_x": 0.4}, (20 / 2 / 10.001, 0.2 / 1.2)
+TURNS = {"gap_closed": 1.0, "slip_direction": -1.0}, {"p_x": 0.4}, (20 / 2 / 10.001, -0.2 / 1.2)
+FLIES = {"gap_closed": -0.25}, {"z": 0.3, "p_z": 1.0}, (0.3 / 1.3 + 1e-3 * 0.5 / 1.5 + 0.25, 1.0)
+
+
+@pytest.mark.symbolic
+@pytest.mark.parametrize(("modes", "state", "expected"), [STANDS, SLIDES, TURNS, FLIES])
+def test_indicators_measure_distances_from_the_end_of_modes(modes: Any, state: Any, expected: Any) -> None:
+    """Slacks of forces and rates relative to their scales, on a crate that is pulled by 3 N."""
+    model = assemble(Crate)
+    y = [state.get(item.name, 0.0) for item in model.states]
+    u = [3.0 if v.name == "x_force" else v.starts[0] for v in model.inputs]
+    k, m = [v.starts[0] for v in model.parameters], [modes.get(name, 0.0) for name in model.memory]
+    assert model.indicate is not None
+    found = model.indicate(0.0, y, u, k, m).full().ravel()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-12)  # margins are 1e-12
+
+
 class Table(Linkage):
     """Table top on two feet, which it lands on."""
 

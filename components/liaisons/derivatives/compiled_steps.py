@@ -32,8 +32,6 @@ from liaisons.expressions.algebra import stack
 Purpose = Literal["run", "tangents", "adjoint"]
 
 DIRECTIONS = 8
-_OPTIONS: dict[Purpose, tuple[str, ...]] = {"run": ("-fno-tree-vectorize",), "tangents": (), "adjoint": ()}
-"""Of the compiler: a single motion waits for vectors that have been written number by number."""
 _STEPS = 2_000_000
 """Steps of one motion from which on it is refused."""
 
@@ -214,20 +212,20 @@ class CompiledSteps:
         self._libraries: dict[Purpose, ctypes.CDLL] = {}
 
     def call(self, purpose: Purpose, name: str, *arguments: Any) -> int:
-        """Call a C function, whose library is compiled before the first call."""
+        """Call a C function of the library for a purpose, compiled before its first call; return what it returns."""
         if purpose not in self._libraries:
-            self._libraries[purpose] = compiled_library(
-                source(self._equations, purpose, self._contacts), *_OPTIONS[purpose]
-            )
+            code = c_source(self._equations, purpose, self._contacts)
+            self._libraries[purpose] = compiled_library(code, *_OPTIONS[purpose])
         return call_c_function(self._libraries[purpose], name, *arguments)
 
-    def choose(
+    def choose_step_ends(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
     ) -> tuple[Floats, Integers]:
-        """Ends of steps that keep to a tolerance, and their number up to the end of each interval.
+        """Choose steps within a tolerance: their ends, and how many there are up to the end of each interval.
 
-        :param y: at the start; then where they end.
-        :param size: of the first step; then of the next one.
+        :param y: first state; replaced by the last one.
+        :param size: of the first step; replaced by that of the next one.
+        :param sizes: nominal values of the states.
         :returns: counts are empty where no step is small enough.
         """
         intervals = len(segment.rows)
@@ -243,19 +241,21 @@ class CompiledSteps:
             most *= 4
 
     def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
-        """States at the ends of steps, (steps, states), and, if they are kept, those of their stages."""
+        """States at the ends of steps, (steps, states), and of their stages, of the last step alone unless kept."""
         states, stages = np.empty((len(steps.t), len(y))), stage_room(len(steps.t) if keep else 1, y)
         stride = stages[0].size if keep else 0
         self.call("run", "advance", *steps.arguments(k), y.copy(), states, stages, stride)
         return states, stages
 
-    def tangents(self, steps: Steps, k: Floats, stages: Floats, of_k: Floats, of_y: Floats) -> tuple[Floats, Floats]:
-        """Derivatives along directions at recorded ends, (records, states, directions), and at the last end.
+    def directional_derivatives(
+        self, steps: Steps, k: Floats, stages: Floats, k_directions: Floats, y_directions: Floats
+    ) -> tuple[Floats, Floats]:
+        """Derivatives of states along directions, at recorded ends (records, states, directions), and at the last end.
 
-        :param of_k: derivatives of the values, (values, directions); of_y: of the first state.
+        :param k_directions: directions of the values, (values, directions); ``y_directions``: of the first state.
         """
-        states, count = of_y.shape
-        dk, dy = lane_blocks(of_k, DIRECTIONS), lane_blocks(of_y, DIRECTIONS)
+        states, count = y_directions.shape
+        dk, dy = lane_blocks(k_directions, DIRECTIONS), lane_blocks(y_directions, DIRECTIONS)
         dt, dh = (
             np.ascontiguousarray(lane_blocks(rows, DIRECTIONS).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h)
         )
@@ -267,22 +267,22 @@ class CompiledSteps:
         self.call("tangents", "tangents", *steps.arguments(k), stages, *seeds, record, records, work)
         return rows_of_blocks(records, count), rows_of_blocks(dy, count)
 
-    def adjoint(
-        self, steps: Steps, k: Floats, stages: Floats, weights: Floats, of_y: Floats
+    def adjoint_derivatives(
+        self, steps: Steps, k: Floats, stages: Floats, weights: Floats, y_adjoint: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Derivatives of a sum by the values, by starts and by sizes of steps.
+        """Derivatives of a weighted sum of states by the values (values,), and by starts and sizes of steps (steps,).
 
         :param weights: derivatives by the states at all recorded times, (times, states).
-        :param of_y: derivatives by the last state; then by the first one.
+        :param y_adjoint: derivatives of the sum by the last state; replaced by those by the first one.
         """
         of_k, of_t, of_h = np.zeros(len(k)), np.empty(len(steps.t)), np.empty(len(steps.t))
-        sums = [weights, of_y, of_k, of_t, of_h]
+        sums = [weights, y_adjoint, of_k, of_t, of_h]
         self.call("adjoint", "adjoint", *steps.arguments(k), stages, steps.records, *sums)
         return of_k, of_t, of_h
 
 
 def stage_room(steps: int, y: Floats) -> Floats:
-    """Memory for the states of the stages of steps, and before the projection at their ends."""
+    """Uninitialized array (steps, stages + 1, states): states at stages, and at the end before the projection."""
     return np.empty((steps, METHOD.stages + 1, len(y)))
 
 
@@ -292,26 +292,28 @@ def refuse_many(steps: int, t: float) -> None:
         raise SimulationError(f"more than {steps} steps until t = {t:g} s; stop earlier, or take a larger tolerance")
 
 
-def source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None) -> str:
-    """C99 code of steps, or of their derivatives."""
+def c_source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None) -> str:
+    """C99 code of steps, or of their derivatives, for a purpose."""
     if purpose == "run":
-        return step_code(equations, METHOD, 1, stores_stages=True) + _RUN + (contacts.run_code() if contacts else "")
+        return step_code(equations, METHOD, 1, stores_stages=True) + _RUN + (contacts.event_code() if contacts else "")
     point, lines = c_arguments(equations, packed=False), list[str]()
     forwards = {"rates": (equations.rates, point), "project": (equations.projected, point)}
     backwards = {}
     if contacts:
-        forwards |= {name: (value, [*point, (contacts.flags, "flags")]) for name, value in contacts.maps.items()}
+        forwards |= {
+            name: (value, [*point, (contacts.flags, "flags")]) for name, value in contacts.states_after_events.items()
+        }
         backwards = {"watch": (contacts.indicators, point)}
-        lines.append(contacts.head())
+        lines.append(contacts.entry_declarations())
     if purpose == "adjoint":
         forwards, backwards = {}, forwards | backwards
     parametric, variables = 1, [point[i] for i in (0, 1, 3)]
     for name, (value, arguments) in forwards.items():
-        early, late = _forward_code(name, value, arguments, variables)
+        early, late = _directional_derivative_code(name, value, arguments, variables)
         parametric = max(parametric, early)
         lines += late
     for name, (value, arguments) in backwards.items():
-        lines += _backward_code(name, value, arguments, variables)
+        lines += _adjoint_derivative_code(name, value, arguments, variables)
     if purpose == "tangents":
         lines += [
             *stage_state_code(METHOD),
@@ -325,25 +327,27 @@ def source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None
     return "\n".join([declarations_code(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1), *lines, *sweep])
 
 
-def _forward_code(
-    name: str, value: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]
+def _directional_derivative_code(
+    name: str, expression: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]
 ) -> tuple[int, list[str]]:
-    """Number of intermediates that all directions share, and C code: of the value with them, and of its derivatives.
+    """C functions of an expression and of its directional derivatives, and the count of numbers that directions share.
 
     :param variables: those of the arguments that have derivatives.
     """
     seeds = [(ca.SX.sym("d", column.numel()), f"*d{array}") for column, array in variables]
     moved, along, point = (ca.vertcat(*(column for column, _ in group)) for group in (variables, seeds, arguments))
-    late, symbols, early = ca.extract_parametric(ca.densify(ca.jtimes(value, moved, along)), point)
-    shared, own = [*arguments, (stack(symbols), "w"), *seeds], [(value, "f"), (stack(early), "w")]
+    late, symbols, early = ca.extract_parametric(ca.densify(ca.jtimes(expression, moved, along)), point)
+    shared, own = [*arguments, (stack(symbols), "w"), *seeds], [(expression, "f"), (stack(early), "w")]
     lines = [*c_function(f"{name}_early", arguments, own), *c_function(f"{name}_late", shared, [(late, "*df")])]
     return len(early), lines
 
 
-def _backward_code(name: str, value: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]) -> Iterator[str]:
-    """Function of the value, and of derivatives of a weighted sum of it by t, k and y."""
-    weights, columns = ca.SX.sym("a", value.numel()), [column for column, _ in variables]
+def _adjoint_derivative_code(
+    name: str, expression: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]
+) -> Iterator[str]:
+    """C function of an expression and of the derivatives of its weighted sum by t, k and y."""
+    weights, columns = ca.SX.sym("a", expression.numel()), [column for column, _ in variables]
     ends = np.cumsum([0, *(column.numel() for column in columns)]).tolist()
-    of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(value, ca.vertcat(*columns), weights, True)), ends)
-    results = [(value, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
+    of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(expression, ca.vertcat(*columns), weights, True)), ends)
+    results = [(expression, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
     return c_function(f"{name}_adjoint", [*arguments, (weights, "a")], results)

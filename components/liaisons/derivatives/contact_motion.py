@@ -85,9 +85,9 @@ class ContactMotion(SteppedMotion):
     steps: ContactSteps
 
     def branch(self, values: ArrayLike) -> Branch:
-        """Signals, instants of impacts, and their derivatives on the branch that is taken, which all exist."""
+        """Signals and instants of impacts, with their derivatives on the branch that the motion takes at events."""
         run = self._run(values, keep_stages=True)
-        records, undefined, slopes = self._tangents(run)
+        records, undefined, slopes = self._state_and_event_derivatives(run)
         settled, last = [leg.entries.of_kind(Kind.SETTLED) for leg in run.legs], -self.contacts.gaps
         instants = np.concatenate([entries["t"] for entries in settled])
         counts = np.concatenate([entries.shared[:, 2 * last : last] for entries in settled]).astype(int)
@@ -96,20 +96,20 @@ class ContactMotion(SteppedMotion):
             suffixed(name, "_impacts"): (np.repeat(instants, row), np.repeat(slopes, row, axis=0))
             for name, row in zip(self.contacts.names, events, strict=False)
         }
-        signals = self._evaluated(run, self.functions.outputs)
+        signals = self._evaluate(run, self.functions.outputs)
         return Branch(signals, self._signal_derivatives(run, records), tuple(undefined), impacts)
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         branch = self.branch(values)
-        branch.derivatives[:, self._without_derivatives(branch.undefined)] = np.nan
+        branch.derivatives[:, self._warn_of_undefined(branch.undefined)] = np.nan
         return branch.signals, branch.derivatives
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
-        signals, factors, total, by_state = self._weighted(run, weights)
+        signals, factors, total, by_state = self._weighted_sum_derivatives(run, weights)
         if any(self._is_doubtful(leg.entries) for leg in run.legs):
             counts = (factors != 0).any(axis=0)
-            total[self._without_derivatives(self._tangents(run)[1])[counts].any(axis=0)] = np.nan
+            total[self._warn_of_undefined(self._state_and_event_derivatives(run)[1])[counts].any(axis=0)] = np.nan
         of_y, of_slope = np.zeros(f.states), np.zeros(1)
         for leg in reversed(run.legs):
             of_k, of_last = self.steps.adjoint(
@@ -123,7 +123,7 @@ class ContactMotion(SteppedMotion):
                 of_k, by_y = leg.landing
                 total += of_y @ of_k
                 of_y = of_y @ by_y
-        return signals, total + of_y @ f.start_tangents(run.k, self.table[0]).full()
+        return signals, total + of_y @ f.start_derivatives(run.k, self.table[0]).full()
 
     def _stages(self, run: Integration, leg: Any) -> Floats:
         if leg.stages is not None:
@@ -131,26 +131,23 @@ class ContactMotion(SteppedMotion):
         return self.steps.retrace(leg.entries, run.k, leg.y, keep=True)[1]
 
     def _is_doubtful(self, entries: Entries) -> bool:
-        """Whether derivatives by some values may not exist."""
+        """Whether derivatives by some values may not exist at one of these entries."""
         return bool(
             (entries["kind"] >= Kind.GRAZED).any() or self._is_recorded(entries.of_kind(Kind.SETTLED)["t"]).any()
         )
 
-    def _beside(self, instant: float) -> NDArray[np.bool_]:
-        """Which recorded times an event is at."""
-        return np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
-
     def _is_recorded(self, instants: Floats) -> NDArray[np.bool_]:
-        """Which events are at a recorded time."""
+        """Which events are at a recorded time, (events,)."""
         later = np.searchsorted(self.times, instants)
         neighbours = self.times[np.clip([later - 1, later], 0, len(self.times) - 1)]
         return np.any(np.abs(neighbours - instants) <= _AT_EVENT * np.maximum(1.0, np.abs(instants)), axis=0)
 
-    def _without_derivatives(self, undefined: Sequence[_Undefined]) -> NDArray[np.bool_]:
-        """At which times there are no derivatives by which values, (times, values); this is warned of."""
+    def _warn_of_undefined(self, undefined: Sequence[_Undefined]) -> NDArray[np.bool_]:
+        """Log the derivatives that do not exist; return whether one is among these, (times, values)."""
         result = np.zeros((len(self.times), len(self.values)), dtype=bool)
         for instant, columns, reason, lasts in undefined:
-            where = self._beside(instant) | (lasts & (self.times > instant))
+            where = np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
+            where |= lasts & (self.times > instant)
             new = where[:, None] & columns & ~result
             if new.any():
                 names, when = np.array(self.names)[new.any(axis=0)], "from here on" if lasts else "there"
@@ -166,16 +163,17 @@ class ContactMotion(SteppedMotion):
         return replace(self, times=recorded_times(times, self.start_time))
 
     def frozen(self, values: ArrayLike) -> Self:  # noqa: ARG002
-        """The same motion: steps end at its events, and are chosen in each run."""
+        """The same motion: its steps are chosen in each run, as they end at events."""
         return self
 
-    def _tangents(self, run: Integration) -> tuple[Floats, list[_Undefined], Floats]:
-        """Derivatives of states at recorded times; where, by which values, there are none; and of first instants.
+    def _state_and_event_derivatives(self, run: Integration) -> tuple[Floats, list[_Undefined], Floats]:
+        """Derivatives of states and of instants of events, and where some do not exist.
 
-        :returns: derivatives (times, states, values) and (phases, values), those of the branch that is taken.
+        :returns: derivatives on the branch that is taken, of states at the recorded times (times, states, values); what
+            is undefined; derivatives of the instants of settled events (events, values).
         """
         f, k, count = self.functions, run.k, len(run.k)
-        of_y, slope = f.start_tangents(k, self.table[0]).full(), np.zeros(count)
+        of_y, slope = f.start_derivatives(k, self.table[0]).full(), np.zeros(count)
         records, undefined, slopes = np.empty((len(self.times), f.states, count)), list[_Undefined](), list[Floats]()
         for leg in run.legs:
             entries, stages = leg.entries, self._stages(run, leg)
@@ -193,12 +191,12 @@ class ContactMotion(SteppedMotion):
             slopes.append(instants[is_settled])
             meets = is_settled & instants.any(axis=1) & self._is_recorded(entries["t"])
             for n in np.flatnonzero(meets | (entries["kind"] >= Kind.GRAZED)):
-                doubt = self._doubt(entries.part([n]), k, before[n], states[n], instants[n])
+                doubt = self._undefined_at(entries.part([n]), k, before[n], states[n], instants[n])
                 undefined += [doubt] if doubt[1].any() else []
         return records, undefined, np.concatenate(slopes)
 
-    def _doubt(self, entry: Entries, k: Floats, y: Floats, of_y: Floats, slope: Floats) -> _Undefined:
-        """By which values there may be no derivatives at an entry, and why.
+    def _undefined_at(self, entry: Entries, k: Floats, y: Floats, of_y: Floats, slope: Floats) -> _Undefined:
+        """Derivatives that may not exist behind an entry, and why.
 
         :param of_y: derivatives of the state, (states, values), and of the instant, ``slope``, before it.
         """
@@ -207,7 +205,7 @@ class ContactMotion(SteppedMotion):
             return instant, slope != 0, "two branches of the motion meet", False
         if kind == Kind.GRAZED:
             return instant, np.any(of_y != 0, axis=0), "a contact is grazed", True
-        rows = self.contacts.conditions[kind](instant, k, entry.shared[0], y, entry["flags"][0]).full()
+        rows = self.contacts.condition_derivatives[kind](instant, k, entry.shared[0], y, entry["flags"][0]).full()
         row = rows[entry["which"][0]] / entry["h"][0]
         terms = np.vstack([row[0] * slope, row[1 : 1 + len(k)], row[1 + len(k) :, None] * of_y])
         change, size, values = terms.sum(axis=0), np.abs(terms).sum(axis=0), np.where(k == 0, 1.0, np.abs(k))
@@ -217,17 +215,21 @@ class ContactMotion(SteppedMotion):
     # ---- the run
 
     def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Integration:
-        """Integrate the motion, event by event."""
-        f, k, contacts = self.functions, self._checked(values), self.contacts
+        """Integrate the motion from the start to the last recorded time, event by event."""
+        f, k, contacts = self.functions, self._checked_values(values), self.contacts
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
         memory = np.zeros(contacts.remembered)
         memory[contacts.count + contacts.gaps :] = self.start_time
-        records, shared, legs = np.empty((len(self.times), f.states)), self.table[self._row(self.times)], list[_Leg]()
+        records, shared, legs = (
+            np.empty((len(self.times), f.states)),
+            self.table[self._table_rows(self.times)],
+            list[_Leg](),
+        )
         size, room, instants = np.array([self.times[-1] - self.start_time]), STAGE_NUMBERS, self.times.copy()
         numbers = (METHOD.stages + 1) * f.states
         most = max(1, CHUNK_NUMBERS // numbers)
-        for segment in self._segments(k) or [self._start(k)]:
-            first, landing = self._landed(k, segment.event, y)
+        for segment in self._segments(k) or [self._empty_segment(k)]:
+            first, landing = self._state_after_event(k, segment.event, y)
             y, slopes = first.copy(), (segment.slopes[0], segment.slopes[-1])
             if not legs and self.times[0] == self.start_time:
                 segment.records[0] = 0
@@ -255,15 +257,15 @@ class ContactMotion(SteppedMotion):
                 landing = None
         return Integration(k, legs, [instants[None], k[:, None], shared.T, records.T])
 
-    def _start(self, k: Floats) -> Segment:
-        """No motion, where the start alone is recorded."""
+    def _empty_segment(self, k: Floats) -> Segment:
+        """Segment of no length, for a motion of which the start alone is recorded."""
         ends, none = np.full(2, self.start_time), np.full(2, -1)
-        row, limits = self._row(ends[:1]), np.array([-np.inf, np.inf])
+        row, limits = self._table_rows(ends[:1]), np.array([-np.inf, np.inf])
         return Segment(ends, np.zeros((2, len(k))), none, row, limits, self.table, None)
 
 
 def with_contacts(motion: SteppedMotion, contacts: Contacts) -> ContactMotion:
-    """A motion whose contacts act; after each break of an input their modes are chosen anew."""
+    """The motion with its contacts; their modes are chosen anew after each break of an input."""
     settings: dict[str, Any] = {item.name: getattr(motion, item.name) for item in fields(SteppedMotion)}
     settings["table"] = np.hstack([motion.table, np.zeros((len(motion.table), contacts.remembered))])
     settings["jumps"] = motion.breaks[1:-1]

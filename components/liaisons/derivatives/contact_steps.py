@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.derivatives.compiled_steps import DIRECTIONS, CompiledSteps, refuse_many, stage_room
-from liaisons.derivatives.contacts import Contacts, Kind, choose_address
+from liaisons.derivatives.contacts import Contacts, Kind, complementarity_choose_address
 from liaisons.derivatives.steps import METHOD, Floats, Segment
 from liaisons.ensembles.steps import lane_blocks, rows_of_blocks
 
@@ -75,7 +75,7 @@ class ContactSteps:
             changing, failure = [x.copy() for x in (size, y, memory)], np.zeros(3 + self._contacts.count)
             rows, table = np.empty(most + 1, self._contacts.entry), np.empty((most + 1, segment.table.shape[1]))
             states = [*changing[:2], stage_room(1, y), most, rows, table, segment.records, changing[2]]
-            states += [int(started), failure, choose_address()]
+            states += [int(started), failure, complementarity_choose_address()]
             count = self._steps.call("run", "follow", *motion, sizes, *states)
             if count <= most:
                 size[:], y[:], memory[:] = changing

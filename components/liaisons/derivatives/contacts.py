@@ -78,8 +78,8 @@ class Contacts:
 
     # ---- C code
 
-    def head(self) -> str:
-        """Declarations of entries."""
+    def entry_declarations(self) -> str:
+        """C declarations of the entries and of the counts of contacts."""
         return _HEAD.format(
             contacts=self.count,
             gaps=self.gaps,
@@ -90,22 +90,27 @@ class Contacts:
             normals=", ".join(map(str, self._normals)),
         )
 
-    def run_code(self) -> str:
-        """Steps through events."""
+    def event_code(self) -> str:
+        """C code that takes steps through events, see ``contact_run.c``."""
         point, columns = c_arguments(self._equations, packed=False), self._contacts.numbers
         functions = {"watch": (point, self.indicators), "contact_numbers": (point, stack(columns.values()))}
-        functions |= {name: ([*point, (self.flags, "flags")], value) for name, value in self.maps.items()}
+        functions |= {
+            name: ([*point, (self.flags, "flags")], value) for name, value in self.states_after_events.items()
+        }
         lines = [c_function(name, inputs, [(value, "result")]) for name, (inputs, value) in functions.items()]
         functions_code = (line for function in lines for line in function)
-        runtime = map(_runtime, ("complementarity.h", "contact_rules.h", "event_search.h", "event_search.c"))
+        runtime = map(_runtime_text, ("complementarity.h", "contact_rules.h", "event_search.h", "event_search.c"))
         numbers = _NUMBERS.format(
             numbers=", ".join(f"{name}[{column.numel()}]" for name, column in columns.items()),
             columns=", ".join(f".{name} = now->{name}" for name in columns),
         )
-        return "\n".join([*runtime, numbers, self.head(), *functions_code, c_text("contact_run")])
+        return "\n".join([*runtime, numbers, self.entry_declarations(), *functions_code, c_text("contact_run")])
 
     def failure(self, numbers: Floats) -> SimulationError:
-        """Error for what C says of a motion that ends: which, instant, value; contacts."""
+        """Error for a motion that cannot go on.
+
+        :param numbers: from C: index of the failure, instant, value, and a flag for each contact.
+        """
         why, (t, value) = list(_FAILURES)[int(numbers[0]) - 1], numbers[1:3]
         names = ", ".join(name for name, concerned in zip(self.names, numbers[3:], strict=True) if concerned)
         names += f" = {value:.6g}" if why == "OVERLAPS" else ""
@@ -114,55 +119,55 @@ class Contacts:
     # ---- expressions
 
     @cached_property
-    def maps(self) -> dict[str, ca.SX]:
-        """The state after an event, of the point and of flags, by the name of the function in C."""
+    def states_after_events(self) -> dict[str, ca.SX]:
+        """State after an impact, or without drift, as expressions in a point and flags, by C function."""
         contacts, none = self._contacts, ca.SX.zeros(self.count)
         numbers, frictions = contacts.numbers, none[self.gaps :]
         closed, gaps = ca.vertcat(self._held[: self.gaps], frictions), ca.vertcat(numbers["gap"], frictions)
         impulses, shifts = self._forces(numbers["v"], self._held, none), self._forces(gaps, closed, none)
         symbols, moves = ca.vertcat(contacts.impulses, contacts.shifts), ca.vertcat(impulses, shifts[: self.gaps])
-        struck = self._forces(self._reflected(), self._held, self._direction)
+        struck = self._forces(self._rates_with_rebound(), self._held, self._direction)
         return {
             "struck": ca.substitute(contacts.pushed, contacts.impulses, struck),
             "restored": ca.substitute(contacts.restored, symbols, moves),
         }
 
     @cached_property
-    def conditions(self) -> dict[int, ca.Function]:
-        """Functions of a point and flags -> derivatives by instant, values and state, one row a contact, by kind."""
+    def condition_derivatives(self) -> dict[int, ca.Function]:
+        """Derivatives, one row a contact, of the numbers that must stay 0 in entries of a kind, by that kind.
+
+        Functions (t, k, s, y, flags) -> (contacts, 1 + values + states).
+        """
         numbers, (t, k, s, y) = self._contacts.numbers, self._equations.symbols
         values = {
             Kind.WEAK_GAP: numbers["gap"],
             Kind.WEAK_RATE: numbers["v"],
-            Kind.WEAK_IMPACT: self._slacks(self._reflected(), numbers["slide"], impulses=True),
+            Kind.WEAK_IMPACT: self._slacks(self._rates_with_rebound(), numbers["slide"], impulses=True),
             Kind.WEAK_REST: self._slacks(numbers["a"], numbers["stick"], impulses=False),
         }
         slopes = {kind: ca.jacobian(value, ca.vertcat(t, k, y)) for kind, value in values.items()}
         point = [t, k, s, y, self.flags]
         return {kind: ca.Function("slopes", point, ca.cse([ca.densify(x)])) for kind, x in slopes.items()}
 
-    def _reflected(self) -> ca.SX:
-        """Rates before an impact, as they would be without impulses behind it."""
+    def _rates_with_rebound(self) -> ca.SX:
+        """Rates v (1 + e) that impulses have to stop: v at gaps that approach with restitution e, else v."""
         numbers = self._contacts.numbers
         rebound = ca.vertcat(numbers["restitution"], ca.SX.zeros(self.count - self.gaps))
         return numbers["v"] * (1 + self._approaching * rebound)
 
-    def _compliance(self) -> ca.SX:
-        return self._contacts.compliance.matrix
-
     def _forces(self, rate: ca.SX, held: ca.SX, direction: ca.SX, *, impulses: bool = True) -> ca.SX:
-        """Forces x in modes, with G x = -rate where it is held."""
+        """Forces x of contacts in modes, with G x = -rate where a contact is held."""
         acting = [0.0 if impulses and normal < 0 else 1.0 for normal in self._normals]
         slide = ca.vertcat(ca.SX.zeros(self.gaps), self._contacts.numbers["slide"])
         drag = -ca.DM(acting) * direction * slide
         return self._contacts.compliance.forces(rate, held, drag, self._normals)[0]
 
     def _slacks(self, rate: ca.SX, bound: ca.SX, *, impulses: bool) -> ca.SX:
-        """What is >= 0 in consistent modes, as in C.
+        """Slacks of the conditions of consistent modes, >= 0, as in C.
 
         :param rate: without the forces.
         """
-        x, G = self._forces(rate, self._held, self._direction, impulses=impulses), self._compliance()
+        x, G = self._forces(rate, self._held, self._direction, impulses=impulses), self._contacts.compliance.matrix
         after, rows = rate + G @ x, list[ca.SX]()
         for i, normal in enumerate(self._normals):
             least = bound[i - self.gaps] * (x[normal] if normal >= 0 else 1) if i >= self.gaps else 0
@@ -172,15 +177,15 @@ class Contacts:
 
 
 @cache
-def choose_address() -> NDArray[np.uintp]:
-    """Address of the function of an FMU that chooses modes, (1,)."""
-    code = _runtime("complementarity.h") + _runtime("complementarity.c")
+def complementarity_choose_address() -> NDArray[np.uintp]:
+    """Address of the C function ``complementarity_choose`` of an FMU, (1,)."""
+    code = _runtime_text("complementarity.h") + _runtime_text("complementarity.c")
     function = compiled_library(code, "-ffp-contract=off").complementarity_choose
     return np.array([ctypes.cast(function, ctypes.c_void_p).value], dtype=np.uintp)
 
 
-def _runtime(name: str) -> str:
-    """C code of a file of an FMU, without its ``#include "..."``."""
+def _runtime_text(name: str) -> str:
+    """C code of a file of the runtime of FMUs, without its ``#include "..."``."""
     code = (resources.files("liaisons.fmu") / "runtime" / name).read_text("utf-8")
     return re.sub(r'^#include ".*"$', "", code, flags=re.MULTILINE)
 

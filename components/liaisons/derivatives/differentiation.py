@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, merged, shown, time_span
+from liaisons.base.arguments import finite, merged, shown
 from liaisons.base.array_names import split
 from liaisons.base.logs import collected_warnings
 from liaisons.base.units import quotient
+from liaisons.cosim.structure.simulation import communication_points
 from liaisons.derivatives.steps import Floats
 from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
@@ -55,23 +56,17 @@ class Sensitivities:
         return self.signals[name]
 
     def derivative(self, signal: str, value: str) -> Floats:
-        """Derivative of a signal by a value, (times,), with a further axis for an array of either.
+        """Derivative of a signal by a value, (times,); of arrays (times, signals), (times, values) or all three.
 
         :raises UnknownSignalError: with the nearest name.
         """
-        rows, columns = (
-            _name_indices(name, names) for name, names in ((signal, self.signals.names), (value, self.names))
-        )
-        array = self.derivatives[rows][:, :, columns].swapaxes(0, 1)
-        lone = [
-            axis for axis, name, names in ((1, signal, self.signals.names), (2, value, self.names)) if name in names
-        ]
-        return array.squeeze(tuple(lone))
+        rows, columns = _name_indices(signal, self.signals.names), _name_indices(value, self.names)
+        return self.derivatives.swapaxes(0, 1)[:, rows][..., columns]
 
     def unit(self, signal: str, value: str) -> str:
         """Unit of a derivative; empty where one of the two has none."""
-        first = self.names[_name_indices(value, self.names)[0]]
-        return quotient(self.signals.units[signal], self.units[first])
+        first = np.ravel(_name_indices(value, self.names))[0]
+        return quotient(self.signals.units[signal], self.units[self.names[first]])
 
     def to_result(self) -> Result:
         """Signals and derivatives, ``"d(theta)/d(theta_0)"``, as a result that can be plotted and written."""
@@ -124,7 +119,7 @@ def sensitivities(
     tolerance: float = 1e-10,
     **keywords: ArrayLike,
 ) -> Sensitivities:
-    """Signals of a motion, and their derivatives by start values, parameters and inputs.
+    """Derivatives of the signals of a motion by start values, parameters and inputs.
 
     What is differentiated are the steps that were taken: a finite difference of the same steps agrees::
 
@@ -177,11 +172,13 @@ def gradient(
     tolerance: float = 1e-10,
     **keywords: ArrayLike,
 ) -> Gradient:
-    """A number that is made of signals, and its derivatives, at a cost that does not grow with their count.
+    """Gradient of one number that is a function of the signals of a motion, by adjoint derivatives.
 
     ::
 
         gradient("Pendulum", lambda m: ca.sumsqr(m["theta"] - data), by=["theta_0", "length"], stop_time=9)
+
+    Its cost does not grow with the number of values in ``by``.
 
     :param cost: CasADi expression of ``m["theta"]``, a column over the recorded times; of an array a matrix.
     :param by: this and the further ones as of :func:`sensitivities`.
@@ -232,18 +229,19 @@ class _Signals(dict[str, Any]):
         raise UnknownSignalError(f"gradient: {name!r} is not recorded{suggestion(name, self)}; name it in record=[...]")
 
 
-def _name_indices(name: str, names: tuple[str, ...]) -> list[int]:
-    """Indices of a name, or of the elements of an array, among names."""
-    indices = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
-    if not indices:
+def _name_indices(name: str, names: tuple[str, ...]) -> int | list[int]:
+    """Index of a name among names, or indices of the elements of an array."""
+    if name in names:
+        return names.index(name)
+    if not (indices := [i for i, element in enumerate(names) if name == split(element)[0]]):
         raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
-    return [names.index(name)] if name in names else indices
+    return indices
 
 
 def _recorded_times(
     start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None
 ) -> ArrayLike:
-    """Times to be recorded, from the settings of a run [s]."""
+    """Recorded times [s]: as set, or in steps from start to stop."""
     if times is not None:
         if stop_time is not None or step_size is not None:
             raise InvalidValueError("times are the recorded times; leave out stop_time and step_size")
@@ -253,9 +251,7 @@ def _recorded_times(
     finite("start_time", start_time)
     finite("stop_time", stop_time)
     step = (abs(stop_time - start_time) or 1.0) / _INTERVALS if step_size is None else step_size
-    stop, step = time_span(start_time, stop_time, step)
-    count = (stop - start_time) / step
-    if count > _MOST:
-        raise InvalidValueError(f"step_size = {step:g}: {count:.3g} recorded times are too many; take larger steps")
-    whole = np.arange(start_time, stop - 1e-9 * step, step)
-    return np.append(whole, stop)
+    points = communication_points(start_time, stop_time, step)
+    if len(points) > _MOST:
+        raise InvalidValueError(f"step_size = {step:g}: {len(points)} recorded times are too many; take larger steps")
+    return points

@@ -68,9 +68,7 @@ class FmuEquations:
             [v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1)
         )
         self.inputs, self.outputs = (
-            [fmu.variables[n] for n in default]
-            if names is None
-            else [fmu.variables[n] for group in names for n in part.recordable(group)]
+            [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable(group)]
             for names, default in (
                 (inputs, [n for n in fmu.reals("input") if fmu.variables[n].continuous]),
                 (outputs, fmu.reals("output")),
@@ -144,8 +142,8 @@ class FmuEquations:
         self._perform_calls([*self._put, *self._get])
         return self._out.copy()
 
-    def directional(self, directions: Floats) -> Floats:
-        """Directional derivatives by states and inputs at the present point, shape (unknowns, directions).
+    def directional_derivatives(self, directions: Floats) -> Floats:
+        """Derivatives of rates and outputs along directions, from the FMU at its present point, (unknowns, directions).
 
         :param directions: shape (knowns, directions).
         """
@@ -164,22 +162,23 @@ class FmuEquations:
         return result
 
     def differences(self) -> Floats:
-        """Extrapolated differences by each state and input, shape (unknowns, knowns)."""
+        """Derivatives by each state and input, extrapolated from differences, (unknowns, knowns)."""
         columns = [
-            extrapolated(partial(self._values_displaced, k), DIFFERENCES, size)[0] for k, size in enumerate(self.sizes)
+            extrapolated_derivative(partial(self._displaced_unknowns, k), DIFFERENCES, size)[0]
+            for k, size in enumerate(self.sizes)
         ]
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
-    def jacobian(self) -> Floats:
-        """Directional derivatives by each state and input, compared with differences, shape (unknowns, knowns).
+    def checked_jacobian(self) -> Floats:
+        """Directional derivatives by each state and input, (unknowns, knowns), compared with differences.
 
-        :raises SimulationError: if one does not; it names both variables.
+        :raises SimulationError: naming both variables, if a derivative contradicts them.
         """
         values = self(self.time, self.x, self.u)
-        jacobian = self.directional(np.eye(len(self.knowns)))
+        jacobian = self.directional_derivatives(np.eye(len(self.knowns)))
         for k, (known, size, column) in enumerate(zip(self.knowns, self.sizes, jacobian.T, strict=True)):
             with suppress(RefusedError):  # at the edge of its domain
-                sides = [(self._values_displaced(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
+                sides = [(self._displaced_unknowns(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
                 (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
                 allowed = high - low + _AGREEMENT * largest + _NOISE * (np.abs(values) / size + np.abs(column).max())
                 right = (low - allowed <= column) & (column <= high + allowed)
@@ -191,14 +190,16 @@ class FmuEquations:
                     )
         return jacobian
 
-    def _values_displaced(self, k: int, by: float) -> Floats:
-        """Rates and outputs with one state or input displaced by a multiple of its size."""
+    def _displaced_unknowns(self, k: int, factor: float) -> Floats:
+        """Rates and outputs after one state or input has moved by a multiple of its size, (unknowns,)."""
         moved = np.concatenate([self.x, self.u])
-        moved[k] += by * self.sizes[k]
+        moved[k] += factor * self.sizes[k]
         return self(self.time, *np.split(moved, [len(self.x)]))
 
 
-def extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
+def extrapolated_derivative(
+    function: Callable[[float], Floats], sizes: Sequence[float], unit: float
+) -> tuple[Floats, Floats]:
     """Derivative by Richardson's extrapolation of central differences, and an estimate of its error."""
     try:
         row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0

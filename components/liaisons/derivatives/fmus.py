@@ -25,11 +25,10 @@ from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
-from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.linearization import Method
-from liaisons.cosim.running.run import run_to_end
-from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
-from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated
+from liaisons.cosim.running.run import performed
+from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned, with_start_values
+from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
 from liaisons.errors import RefusedError, SimulationError
 
 if TYPE_CHECKING:
@@ -115,17 +114,13 @@ class FmuMotion:
 
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
         """Result of a run of the FMUs with further start values."""
-        parts, title = self.system.filled(), self.name
-        starts = {owner: dict(part.starts) for owner, part in parts.items()}
-        for name, value in {**self.starts, **values}.items():
-            owner, variable = owned(title, parts, "value", name, single=self.single)
-            starts[owner][variable] = value
+        title, starts = self.name, {**self.starts, **values}
+        parts = with_start_values(title, self.system.filled(), starts, single=self.single)
         functions = input_functions(title, parts, self.inputs, single=self.single)
         settings = SimulationSettings(
             times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
         )
-        parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
-        return run_to_end(checked(title, parts, self.system.connections, settings, single=self.single))
+        return performed(checked(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""
@@ -138,7 +133,7 @@ class FmuMotion:
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def _integration_times(self) -> Floats:
-        """Start, recorded times, and breaks of the inputs' polynomials between them [s]."""
+        """Communication points of a run: start, recorded times, and breaks of inputs between them [s]."""
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
         asked = np.array([self.start_time, *self.times])
         apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
@@ -177,7 +172,7 @@ class FmuMotion:
                 return runs[h][:count]
 
             unit = change.sum()
-            column, error = extrapolated(displaced, _RUN_SIZES, unit)
+            column, error = extrapolated_derivative(displaced, _RUN_SIZES, unit)
             if all({h, -h} <= runs.keys() for h in _RUN_SIZES):  # half of what those to both sides differ by, at h = 0
                 sides = [(displaced(h) - 2 * signals + displaced(-h)) / (2 * h * unit) for h in _RUN_SIZES]
                 coarse, fine = (2 * small - large for large, small in pairwise(sides))
@@ -193,7 +188,7 @@ class FmuMotion:
         return signals, np.moveaxis(np.reshape(columns, (len(columns), *signals.shape)), 0, 2)
 
     def _discrete_variables(self) -> list[str]:
-        """Names of integers and Booleans, which tell the mode of an FMU and the number of events."""
+        """Names of the integer and Boolean variables, which change at events."""
         return [
             name if self.single else f"{part.name}.{name}"
             for part in self.system.parts.values()
@@ -232,20 +227,20 @@ class FmuMotion:
             ]
             states, calls = len(equations.x), count()
 
-            def by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
-                """Derivatives of a function of the equations by each value."""
+            def derivatives_by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
+                """Derivatives of a function of the equations by each value, from differences."""
                 return [
-                    extrapolated(lambda h, fmus=fmus: function(fmus[h]), DIFFERENCES, change.sum())[0]
+                    extrapolated_derivative(lambda h, fmus=fmus: function(fmus[h]), DIFFERENCES, change.sum())[0]
                     for fmus, change in zip(neighbours, changes, strict=True)
                 ]
 
-            def calculate(t: float, z: Floats, end: float) -> Floats:
-                """Rates and outputs and, in further columns, their derivatives by the values."""
+            def rates_and_outputs(t: float, z: Floats, end: float) -> Floats:
+                """Rates and outputs in the first column, their derivatives by the values in the others."""
                 u = np.array([polynomial(min(t, np.nextafter(end, -np.inf))) for polynomial in self.inputs.values()])
                 columns = [equations(t, z[:, 0], u)]
                 if len(changes):
-                    along = equations.directional(np.pad(z[:, 1:], ((0, len(u)), (0, 0))))
-                    columns += [*(along.T + by_values(lambda fmu: fmu(t, z[:, 0], u)))]
+                    along = equations.directional_derivatives(np.pad(z[:, 1:], ((0, len(u)), (0, 0))))
+                    columns += [*(along.T + derivatives_by_values(lambda fmu: fmu(t, z[:, 0], u)))]
                 return np.transpose(columns)
 
             def rates(t: float, z: Floats, end: float) -> Floats:
@@ -253,18 +248,18 @@ class FmuMotion:
                 if next(calls) > _MOST_CALLS:
                     raise SimulationError(f"{self.name}: {_MOST_CALLS} evaluations are too few; it may be stiff")
                 try:
-                    return calculate(t, z.reshape(states, -1), end)[:states].ravel()
+                    return rates_and_outputs(t, z.reshape(states, -1), end)[:states].ravel()
                 except RefusedError:  # a shorter step may do
                     return np.full_like(z, np.nan)
 
-            z, recorded = np.transpose([equations.x, *by_values(lambda fmu: fmu.x)]), {}
+            z, recorded = np.transpose([equations.x, *derivatives_by_values(lambda fmu: fmu.x)]), {}
             tolerances = {"rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
             for begin, end in pairwise([self.start_time, *self._integration_times().tolist()]):
                 if begin < end:
                     moving, span = partial(rates, end=end), (begin, end)
                     states_on_way = integrate(self.name, moving, z.ravel(), span, **tolerances, error=SimulationError)
                     z = states_on_way[:, -1].reshape(z.shape)
-                recorded[end] = calculate(end, z, end)[states:]
+                recorded[end] = rates_and_outputs(end, z, end)[states:]
         result = np.stack([recorded[time] for time in self.times.tolist()], axis=1)
         return result[..., 0], result[..., 1:]
 
@@ -307,7 +302,7 @@ def fmu_motion(
     if path and read(path, prefers="ModelExchange").provides_directional_derivatives:
         with motion.equations(motion.values) as equations:
             if equations.states and not equations.has_events:
-                equations.jacobian()
+                equations.checked_jacobian()
                 return replace(motion, method="directional derivatives")
     return motion
 

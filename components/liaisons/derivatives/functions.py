@@ -20,7 +20,7 @@ from liaisons.mechanics.model import Model
 
 @final
 class MotionFunctions:
-    """Functions of one motion: its steps, its start, its events and its signals, each made when it is needed."""
+    """Functions of one motion, each made when it is needed: steps, start, events and signals."""
 
     def __init__(self, model: Model, equations: RightHandSide) -> None:
         """Take the model and the equations of the motion."""
@@ -32,8 +32,8 @@ class MotionFunctions:
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 
     @cached_property
-    def carrying(self) -> set[str]:
-        """Names of the active coordinates whose jumps change states."""
+    def state_moving_inputs(self) -> set[str]:
+        """Names of the active coordinates that move states when they jump."""
         effects, active = jump_effects(self._model), [a.value for a in self._model.active]
         moving = np.isin(active, self.prescribed_names)
         carries = effects.moves | effects.mixes[:, moving].any(axis=1)
@@ -45,7 +45,7 @@ class MotionFunctions:
         return _function([self._k, self._s], self._equations.start, self._equations.sizes)
 
     @cached_property
-    def start_tangents(self) -> ca.Function:
+    def start_derivatives(self) -> ca.Function:
         """Function (k, s) -> derivatives of the first state by k."""
         return _function([self._k, self._s], ca.jacobian(self._equations.start, self._k))
 
@@ -61,8 +61,8 @@ class MotionFunctions:
         return _function([self._t, self._k, self._s], stack(self._equations.prescribed.values()))
 
     @cached_property
-    def landed(self) -> ca.Function | None:
-        """Function (t, k, s, y, t before, s before) -> state after an event, and derivatives by k, y and instant."""
+    def state_after_event(self) -> ca.Function | None:
+        """Function (t, k, s, y, t before, s before) -> state after an event, derivatives by k, y and instant."""
         landed, (t, s) = self._equations.landed, self._equations.before
         if landed is None:
             return None
@@ -88,7 +88,7 @@ class MotionFunctions:
 
     @cached_property
     def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
-        """Pairs (signal, number of a value or, behind these, a state), and the program of the derivatives."""
+        """Pairs (signal, value or state, states behind values), and the program of their partial derivatives."""
         slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
         where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
         return where, program(self._equations.symbols, [slopes.nz[:]])

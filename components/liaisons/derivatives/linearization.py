@@ -56,7 +56,7 @@ def linearize(
         method = method or (
             "directional derivatives" if equations.fmu.provides_directional_derivatives else "differences"
         )
-        jacobian = equations.differences() if method == "differences" else equations.jacobian()
+        jacobian = equations.differences() if method == "differences" else equations.checked_jacobian()
         variables = [*equations.knowns, *equations.outputs]
         return Linearization(
             path.stem,

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import numbers
 from liaisons.derivatives.functions import MotionFunctions
-from liaisons.derivatives.steps import METHOD, Event, Floats, Integers, Segment, StepEnds, Steps, steps_of
+from liaisons.derivatives.steps import METHOD, Event, Floats, Integers, Segment, StepEnds, Steps, segment_steps
 from liaisons.errors import SimulationError
 from liaisons.expressions import Program
 from liaisons.language import Variable
@@ -106,16 +106,16 @@ class SteppedMotion(ABC):
 
     @property
     def step_tolerance(self) -> float:
-        """Allowed difference of a step and two halves, relative."""
+        """Largest difference of a step and two of half its size, relative to the states."""
         return max(_STEP_TOLERANCE * self.tolerance, _LEAST_TOLERANCE)
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
-        return self._evaluated(self._run(values), self.functions.outputs)
+        return self._evaluate(self._run(values), self.functions.outputs)
 
     def rates(self, values: ArrayLike) -> Floats:
         """Time derivatives of the signals, (signals, times)."""
-        return self._evaluated(self._run(values), self.functions.output_rates)
+        return self._evaluate(self._run(values), self.functions.output_rates)
 
     @abstractmethod
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
@@ -132,36 +132,38 @@ class SteppedMotion(ABC):
     def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Any:
         """Integrate the motion from the start to the last recorded time."""
 
-    def _checked(self, values: ArrayLike) -> Floats:
+    def _checked_values(self, values: ArrayLike) -> Floats:
         """Values as an array, (values,), each inside its domain."""
         k = np.array(numbers("values", values, SimulationError), dtype=float)
         if k.shape != self.values.shape:
             raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
         for (name, variable), value in zip(self.variables.items(), k.tolist(), strict=True):
-            if not (np.isfinite(value) and variable.allows(value)):
-                raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
+            check_domain(self.name, name, variable, value)
         return k
 
     def _stages(self, run: Integration, leg: Any) -> Floats:
-        """States of the stages, which are integrated once more unless they were kept."""
+        """States of the stages of a leg, integrated once more unless kept."""
         if leg.stages is not None:
             return leg.stages
         return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
 
-    def _evaluated(self, run: Integration, program: Program) -> Floats:
-        """A program at the recorded times, (rows, times)."""
+    def _evaluate(self, run: Integration, program: Program) -> Floats:
+        """Results of a program at the recorded times, (rows, times)."""
         return program.evaluate(run.points)[0]
 
     def _output_slopes(self, run: Integration) -> Iterator[tuple[int, int, Floats]]:
-        """Signal, number of a value or, behind these, of a state, and derivatives at the recorded times."""
+        """Yield the partial derivatives of signals at the recorded times: signal, value or state, (times,).
+
+        States are numbered behind the values.
+        """
         pairs, slopes = self.functions.output_slopes
-        for (signal, number), row in zip(pairs, self._evaluated(run, slopes), strict=True):
+        for (signal, number), row in zip(pairs, self._evaluate(run, slopes), strict=True):
             yield signal, number, row
 
-    def _weighted(self, run: Integration, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
-        """Signals, weights, and derivatives of the weighted sum by values, and by states at the recorded times."""
+    def _weighted_sum_derivatives(self, run: Integration, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
+        """Signals, weights, and derivatives of the weighted sum by the values, and by the states at recorded times."""
         f, count = self.functions, len(run.k)
-        signals = self._evaluated(run, f.outputs)
+        signals = self._evaluate(run, f.outputs)
         factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
         if factors.shape != signals.shape:
             raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
@@ -171,7 +173,10 @@ class SteppedMotion(ABC):
         return signals, factors, sums[:count].sum(axis=1), np.ascontiguousarray(sums[count:].T)
 
     def _signal_derivatives(self, run: Integration, records: Floats) -> Floats:
-        """Derivatives of the signals by the values, of those of the states at the recorded times."""
+        """Derivatives of the signals by the values, (signals, times, values).
+
+        :param records: derivatives of the states at the recorded times by the values.
+        """
         derivatives = np.zeros((len(self.signals), len(self.times), len(run.k)))
         for signal, number, slopes in self._output_slopes(run):
             if number < len(run.k):
@@ -181,7 +186,7 @@ class SteppedMotion(ABC):
         return derivatives
 
     def _refuse_states(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
-        """Raise an error for the first state that is not finite, or violates a condition of the mechanism."""
+        """Raise a SimulationError for the first state that is not finite, or violates a condition of the mechanism."""
         lost = ~np.isfinite(states).all(axis=1)
         texts = self.functions.condition_texts
         (conditions,) = self.functions.conditions.evaluate([t[None], k[:, None], s.T, states.T])
@@ -193,18 +198,18 @@ class SteppedMotion(ABC):
             raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
 
     def _refuse_stuck(self, segment: Segment, k: Floats, y: Floats, ends: Floats, totals: Integers) -> None:
-        """Raise an error where no step is small enough, and there are no totals."""
+        """Raise a SimulationError if no step was small enough: if there are no totals."""
         if totals.size:
             return
         t = ends[-1:] if ends.size else segment.instants[:1]
-        s = segment.table[self._row(t)[0]]
+        s = segment.table[self._table_rows(t)[0]]
         self._refuse_states(k, t, s[None], y[None])
         near = self.functions.conditions.evaluate([t, k, s, y])[0]
         reason = self.functions.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
         raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
 
     def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
-        """Instants of events and their derivatives by the values."""
+        """Yield the instants of events [s], and their derivatives by the values (values,)."""
         events, t = self.functions.events, self.start_time
         while events.numel_out(0):
             instants, slopes = (x.full() for x in events(t, k, self.table[0]))
@@ -216,7 +221,7 @@ class SteppedMotion(ABC):
                 yield t, slope
 
     def _segments(self, k: Floats) -> list[Segment]:
-        """The motion between its events; an event comes before whatever else is at its instant."""
+        """Segments of the motion between its events; an event comes first at its instant."""
         start, stop = self.start_time, self.times[-1]
         jumps, breaks = (t[(start < t) & (t < stop)] for t in (self.jumps, self.breaks))
         later = self.times[self.times > start]
@@ -241,32 +246,35 @@ class SteppedMotion(ABC):
                     times[end] + sign * (event_margin(times[end]) if is_event[end] else -np.inf)
                     for end, sign in ((first, 1), (last, -1))
                 ]
-                rows, event = self._row(times[first:last]), (float(times[first]), slopes[first]) if first else None
+                rows, event = (
+                    self._table_rows(times[first:last]),
+                    (float(times[first]), slopes[first]) if first else None,
+                )
                 intervals = times[inside], slopes[inside], records[inside]
                 segments.append(Segment(*intervals, rows, np.array(limits), self.table, event))
         return segments
 
-    def _row(self, t: Floats) -> Integers:
-        """Rows of shared values that hold from some instants on."""
+    def _table_rows(self, t: Floats) -> Integers:
+        """Indices of the rows of the table that hold from these instants on."""
         return np.maximum(np.searchsorted(self.breaks, t, side="right") - 1, 0)
 
-    def _landed(self, k: Floats, event: Event | None, y: Floats) -> tuple[Floats, _Landing | None]:
-        """State after an event, and its derivatives; the same state where there is none."""
+    def _state_after_event(self, k: Floats, event: Event | None, y: Floats) -> tuple[Floats, _Landing | None]:
+        """State after an event, and its derivatives; the same state and None without an event."""
         f = self.functions
         if event is None:
             return y, None
         time, slope = event
         sides = time - event_margin(time), time + event_margin(time)
-        before, after = (self.table[row] for row in self._row(np.array(sides)))
+        before, after = (self.table[row] for row in self._table_rows(np.array(sides)))
         previous, now = (f.prescribed(*point).full() for point in ((sides[0], k, before), (sides[1], k, after)))
         for name, change, value in zip(f.prescribed_names, now - previous, previous, strict=True):
-            if abs(change[0]) > ROUNDING_OF_INPUTS * (1 + abs(value[0])) and name in f.carrying:
+            if abs(change[0]) > ROUNDING_OF_INPUTS * (1 + abs(value[0])) and name in f.state_moving_inputs:
                 raise SimulationError(
                     f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
                 )
-        if f.landed is None:
+        if f.state_after_event is None:
             return y, None
-        landed, of_k, of_y, of_time = (x.full() for x in f.landed(sides[1], k, after, y, sides[0], before))
+        landed, of_k, of_y, of_time = (x.full() for x in f.state_after_event(sides[1], k, after, y, sides[0], before))
         return landed.ravel(), (of_k + of_time * slope, of_y)
 
 
@@ -285,22 +293,24 @@ class DifferentiableMotion(SteppedMotion):
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
-        of_k, of_y = np.eye(len(run.k)), f.start_tangents(run.k, self.table[0]).full()
+        of_k, of_y = np.eye(len(run.k)), f.start_derivatives(run.k, self.table[0]).full()
         records = np.broadcast_to(of_y, (len(self.times), *of_y.shape)).copy()
         for leg in run.legs:
             if leg.landing is not None:
                 by_k, by_y = leg.landing
                 of_y = by_k + by_y @ of_y
-            records[leg.steps.recorded], of_y = f.steps.tangents(leg.steps, run.k, self._stages(run, leg), of_k, of_y)
-        return self._evaluated(run, f.outputs), self._signal_derivatives(run, records)
+            records[leg.steps.recorded_indices], of_y = f.steps.directional_derivatives(
+                leg.steps, run.k, self._stages(run, leg), of_k, of_y
+            )
+        return self._evaluate(run, f.outputs), self._signal_derivatives(run, records)
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
-        signals, _, total, by_state = self._weighted(run, weights)
+        signals, _, total, by_state = self._weighted_sum_derivatives(run, weights)
         of_y = np.zeros(f.states)
         for leg in reversed(run.legs):
             steps = leg.steps
-            of_k, of_t, of_h = f.steps.adjoint(steps, run.k, self._stages(run, leg), by_state, of_y)
+            of_k, of_t, of_h = f.steps.adjoint_derivatives(steps, run.k, self._stages(run, leg), by_state, of_y)
             total += of_k + (of_t[:, None] * steps.of_t + of_h[:, None] * steps.of_h).sum(axis=0)
             if leg.landing is not None:
                 by_k, by_y = leg.landing
@@ -308,37 +318,37 @@ class DifferentiableMotion(SteppedMotion):
                 of_y = of_y @ by_y
         if self.times[0] == self.start_time:
             of_y = of_y + by_state[0]
-        return signals, total + of_y @ f.start_tangents(run.k, self.table[0]).full()
+        return signals, total + of_y @ f.start_derivatives(run.k, self.table[0]).full()
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
         return replace(self, times=recorded_times(times, self.start_time), frozen_steps=(None, []))
 
     def frozen(self, values: ArrayLike) -> Self:
-        """The same motion with the steps that are taken at some values, wherever events come in the same order."""
-        k = self._checked(values)
+        """The same motion with the steps for these values, taken wherever events come in the same order."""
+        k = self._checked_values(values)
         segments = self._segments(k)
-        return replace(self, frozen_steps=(_sequence(segments), self._step_ends(k, segments)))
+        return replace(self, frozen_steps=(_instant_order(segments), self._step_ends(k, segments)))
 
     # ---- the run
 
     def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Integration:
         """Integrate the motion from the start to the last recorded time."""
-        f, k = self.functions, self._checked(values)
+        f, k = self.functions, self._checked_values(values)
         chunks = self._chunks(k)
         y = f.start(k, self.table[0])[0].full().ravel()
         self._refuse_states(k, np.array([self.start_time]), self.table[:1], y[None])
         records, legs, instants = np.tile(y, (len(self.times), 1)), list[_Leg](), self.times.copy()
         keep = keep_stages and sum(len(steps.t) for steps in chunks) * (METHOD.stages + 1) * len(y) <= STAGE_NUMBERS
         for steps in chunks:
-            y, landing = self._landed(k, steps.event, y)
+            y, landing = self._state_after_event(k, steps.event, y)
             states, stages = f.steps.advance(steps, k, y, keep=keep)
             self._refuse_states(k, steps.t + steps.h, steps.table[steps.rows], states)
             legs.append(_Leg(steps, y, stages if keep else None, landing))
-            recorded = steps.recorded
+            recorded = steps.recorded_indices
             records[recorded], y = states[steps.records >= 0], states[-1]
             instants[recorded] = np.maximum(instants[recorded], steps.limits[0])
-        return Integration(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
+        return Integration(k, legs, [instants[None], k[:, None], self.table[self._table_rows(self.times)].T, records.T])
 
     # ---- where steps end
 
@@ -348,29 +358,35 @@ class DifferentiableMotion(SteppedMotion):
         key = b"" if frozen and not self.functions.events.numel_out(0) else k.tobytes()
         if key not in self._latest:
             segments, chunks = self._segments(k), list[Steps]()
-            ends = frozen if order == _sequence(segments) else self._step_ends(k, segments)
+            ends = frozen if order == _instant_order(segments) else self._step_ends(k, segments)
             most = max(1, CHUNK_NUMBERS // (METHOD.stages + 1) // self.functions.states)
             for segment, own in zip(segments, ends, strict=True):
-                steps = steps_of(segment, own)
+                steps = segment_steps(segment, own)
                 chunks += [steps.part(begin, begin + most) for begin in range(0, len(steps.t), most)]
             self._latest.clear()
             self._latest[key] = chunks
         return self._latest[key]
 
     def _step_ends(self, k: Floats, segments: Sequence[Segment]) -> list[StepEnds]:
-        """Ends of steps that keep to the tolerance, segment by segment."""
+        """Ends of steps within the tolerance, segment by segment."""
         f, tolerance = self.functions, self.step_tolerance
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
         size, result = np.array([self.times[-1] - self.start_time]), list[StepEnds]()
         for segment in segments:
-            y, _ = self._landed(k, segment.event, y)
-            ends, totals = f.steps.choose(segment, k, y, size, tolerance=tolerance, sizes=np.abs(sizes))
+            y, _ = self._state_after_event(k, segment.event, y)
+            ends, totals = f.steps.choose_step_ends(segment, k, y, size, tolerance=tolerance, sizes=np.abs(sizes))
             self._refuse_stuck(segment, k, y, ends, totals)
             counts = np.diff(totals, prepend=0)
             interval = np.repeat(np.arange(len(counts)), counts)
             spans, elapsed = np.diff(segment.instants)[interval], ends - segment.instants[interval]
             result.append((np.where(spans > 0, elapsed / np.where(spans > 0, spans, 1), 1), counts))
         return result
+
+
+def check_domain(owner: str, name: str, variable: Variable, value: float) -> None:
+    """Raise a SimulationError for a value that is not finite, or outside the domain of its variable."""
+    if not (np.isfinite(value) and variable.allows(value)):
+        raise SimulationError(f"{owner}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
 
 
 def recorded_times(times: ArrayLike, start_time: float) -> Floats:
@@ -386,8 +402,8 @@ def recorded_times(times: ArrayLike, start_time: float) -> Floats:
     return array
 
 
-def _sequence(segments: Sequence[Segment]) -> list[tuple[bool, bytes]]:
-    """The order in which events, recorded times and breaks follow each other; motions of one order have like steps."""
+def _instant_order(segments: Sequence[Segment]) -> list[tuple[bool, bytes]]:
+    """Order in which events, recorded times and breaks follow each other, to be compared."""
     return [(segment.event is None, segment.records.tobytes()) for segment in segments]
 
 

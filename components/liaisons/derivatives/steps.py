@@ -64,16 +64,16 @@ class Steps:
     event: Event | None
 
     @property
-    def recorded(self) -> Integers:
-        """Numbers of the recorded times, ascending."""
+    def recorded_indices(self) -> Integers:
+        """Indices of the recorded times at which steps end, ascending."""
         return self.records[self.records >= 0]
 
     def arguments(self, k: Floats) -> list[Any]:
-        """The first arguments of the C functions that take these steps."""
+        """First arguments of the C functions that take these steps."""
         return [len(self.t), self.t, self.h, self.rows, self.limits, k, self.table]
 
     def part(self, begin: int, end: int) -> Steps:
-        """The steps from one number up to another."""
+        """Steps with numbers from begin to end - 1."""
         part = slice(begin, end)
         of_t, of_h = (rows[part] if len(rows) == len(self.t) else rows for rows in (self.of_t, self.of_h))
         t, h, rows, records = self.t[part], self.h[part], self.rows[part], self.records[part]
@@ -81,8 +81,8 @@ class Steps:
         return replace(self, t=t, h=h, rows=rows, of_t=of_t, of_h=of_h, records=records, event=event)
 
 
-def steps_of(segment: Segment, step_ends: StepEnds) -> Steps:
-    """The steps of a segment that end at fractions of its intervals."""
+def segment_steps(segment: Segment, step_ends: StepEnds) -> Steps:
+    """Steps of a segment, with ends at fractions of its intervals."""
     ends, counts = step_ends
     slopes, records = segment.slopes, np.full(len(ends), -1)
     interval, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1

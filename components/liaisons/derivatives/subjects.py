@@ -15,7 +15,7 @@ from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.contact_motion import ContactMotion, with_contacts
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import motion_functions
-from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
+from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, check_domain, recorded_times
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, continuous_model, operator_models, settable_variables
 from liaisons.errors import ComponentError, SimulationError, suggestion
@@ -60,7 +60,7 @@ def motion_of(
     :raises SimulationError: for a bad number, or a system that cannot be flattened.
     """
     try:
-        model, own_values = _model(subject)
+        model, own_values = _model_and_changed_starts(subject)
     except (SimulationError, ComponentError):
         foreign = _subject_of_runs(subject)
         if foreign is None:
@@ -79,7 +79,7 @@ def motion_of(
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
     for name, value in {**own_values, **named("start_values", start_values or {})}.items():
-        elements = _variables_of(model, name, variables)
+        elements = _variable_names(model, name, variables)
         if isinstance(value, OperatorFmu):
             raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
         array = numbers(name, value)
@@ -87,10 +87,8 @@ def motion_of(
             raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
         values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
     for name, value in values.items():
-        if not (np.isfinite(value) and variables[name].allows(value)):
-            domain = variables[name].domain() or "finite"
-            raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
-    names = dict.fromkeys(element for name in listed("by", by) for element in _variables_of(model, name, variables))
+        check_domain(model.name, name, variables[name], value)
+    names = dict.fromkeys(element for name in listed("by", by) for element in _variable_names(model, name, variables))
     shared = [name for name in values if name not in names]
 
     outputs = {variable.name: variable for variable in model.outputs}
@@ -135,7 +133,7 @@ def motion_of(
 
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:
-    """The system or FMU whose runs are differentiated, where equations are not at hand, or sample."""
+    """System or FMU whose runs are to be differentiated, for lack of equations or because it samples; else None."""
     if isinstance(subject, (System, Model)):
         return subject if isinstance(subject, System) else None
     if _is_file(subject):
@@ -149,8 +147,8 @@ def _is_file(subject: object) -> TypeGuard[str | Path]:
     return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
 
 
-def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
-    """The model, and start values of a file that differ from the declared ones."""
+def _model_and_changed_starts(subject: Subject) -> tuple[Model, Mapping[str, float]]:
+    """Model of a subject, and of an FMU the start values that differ from the declared ones."""
     starts: Mapping[str, float] = {}
     if _is_file(subject):
         subject, starts = flattening.model_of(subject)
@@ -161,12 +159,12 @@ def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
 
 
 def _element_names(name: str, names: Iterable[str]) -> list[str]:
-    """Names of the elements of an array; the name itself if it is none."""
+    """Names of the elements of an array; of another variable its own name."""
     return [element for element in names if element != name and split(element)[0] == name] or [name]
 
 
-def _variables_of(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
-    """Names of the variables that a name stands for: itself, or the elements of an array.
+def _variable_names(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
+    """Names of the scalar variables that a name stands for.
 
     :raises ComponentError: if there are none.
     """
@@ -193,7 +191,7 @@ def _refuse_inputs(model: Model, driven: Mapping[str, Any], moving: Mapping[str,
 
 
 def _interval_coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
-    """Coefficients of the polynomial in the time since each break, (breaks, DEGREE + 1), the constant ones first."""
+    """Coefficients of a polynomial in the time since each break, (breaks, DEGREE + 1), constant term first."""
     factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
     rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]
     return np.transpose(rows) / factors

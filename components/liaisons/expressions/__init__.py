@@ -4,7 +4,8 @@ Each operation is one statement with one temporary, so that the body of a loop o
 of a chain) is free of calls that a compiler cannot vectorise::
 
     >>> x, k = ca.SX.sym("x", 2), ca.SX.sym("k")
-    >>> print("\n".join(c_statements([(x, "x[{}][i]"), (k, "k[i]")], [(-k * ca.sin(x[0]) / x[1], "f[i]")])))
+    >>> [lines], _ = c_parts([(x, "x[{}][i]"), (k, "k[i]")], [(-k * ca.sin(x[0]) / x[1], "f[i]")])
+    >>> print("\n".join(lines))
     const double a0 = k[i];
     const double a1 = x[0][i];
     const double a2 = x[1][i];
@@ -21,7 +22,7 @@ array.
 from __future__ import annotations
 
 from liaisons.expressions.operations import OPERATIONS, Instruction
-from liaisons.expressions.printing import c_parts, c_statements, literal
+from liaisons.expressions.printing import c_parts, literal
 from liaisons.expressions.programs import Program, program
 
-__all__ = ["OPERATIONS", "Instruction", "Program", "c_parts", "c_statements", "literal", "program"]
+__all__ = ["OPERATIONS", "Instruction", "Program", "c_parts", "literal", "program"]

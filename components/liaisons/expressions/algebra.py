@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
-    """Return a column of scalars or columns; (0, 1) for none."""
+    """Return scalars or columns stacked into one column; (0, 1) for none."""
     rows = list(expressions)
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
 def closure(uses: NDArray[np.bool_], first: ArrayLike) -> list[int]:
-    """Indices of the first variables, and of all that these use, directly or through others.
+    """Indices of variables that are used: the first ones, and all that these use, directly or through others.
 
     :param uses: whether a variable, by row, uses another one, by column.
     :param first: whether a variable is among the first.
@@ -32,6 +32,16 @@ def closure(uses: NDArray[np.bool_], first: ArrayLike) -> list[int]:
 def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
     """Return ∂expression/∂column as a column; unlike CasADi's own, (0, 1) for an empty column."""
     return ca.jacobian(expression, column).T
+
+
+def term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
+    """Return the sums of the absolute values of the terms of matrix @ column."""
+    return ca.fabs(matrix) @ ca.fabs(column)
+
+
+def at_zero(expression: ca.SX, symbols: ca.SX) -> ca.SX:
+    """Return an expression with zeros in place of a column of symbols."""
+    return ca.substitute(expression, symbols, type(symbols).zeros(*symbols.shape))
 
 
 def is_quadratic(expression: ca.SX, column: ca.SX) -> bool:
@@ -71,11 +81,11 @@ def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
-    """Return an order of elimination with little fill-in, by minimum degree, and its number of products.
+    """Return the order of elimination by minimum degree, which has little fill-in, and its cost.
 
     :param pattern: of a symmetric matrix.
     :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.
-    :returns: the order, and the number of products.
+    :returns: unknowns in this order, and the number of products that it takes.
     """
     neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
     left, order, work = set(range(len(neighbours))), [], 0

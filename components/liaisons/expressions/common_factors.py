@@ -19,7 +19,7 @@ from liaisons.expressions.operations import Instruction
 
 _SUMS = (ca.OP_ADD, ca.OP_SUB)
 
-Signed = tuple[int, int]
+SignedNode = tuple[int, int]
 """A node, and 1 or -1."""
 
 Term = tuple[list[int], int]
@@ -41,20 +41,20 @@ class Factored:
             if _is_sum(node):
                 terms = [([new[x] for x in factors], sign) for factors, sign in self._terms(number)]
                 new[number], _ = self._add_factored_sum(terms)  # positive, as one of the terms is
-            elif node.is_a(ca.OP_MUL):
+            elif node.operation == ca.OP_MUL:
                 new[number] = self._add_product([new[x] for x in self._factors(number)])
             else:
                 new[number] = self._add_node(node.renumbered(new))
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
-        """Return the terms of a sum, with those of absorbed sums."""
+        """Return the terms of a sum, and of the sums that it has absorbed."""
         terms: list[Term] = []
         left = [(number, 1)]
         while left:
             number, sign = left.pop()
             node = self._old[number]
-            signs = (sign, -sign if node.is_a(ca.OP_SUB) else sign)
+            signs = (sign, -sign if node.operation == ca.OP_SUB else sign)
             for x, of_x in zip(node.arguments, signs, strict=True):
                 if x in self._absorbed_nodes and _is_sum(self._old[x]):
                     left.append((x, of_x))
@@ -63,15 +63,15 @@ class Factored:
         return terms
 
     def _factors(self, number: int) -> list[int]:
-        """Return the factors of a product, with those of absorbed products."""
+        """Return the factors of a product, and of the products that it has absorbed."""
         factors, left = [], [number]
         while left:
             for x in self._old[left.pop()].arguments:
                 (left if x in self._absorbed_nodes else factors).append(x)
         return factors
 
-    def _add_factored_sum(self, terms: Sequence[Term]) -> Signed:
-        """Add a sum of products with common factors in front; return it, negative if all terms are."""
+    def _add_factored_sum(self, terms: Sequence[Term]) -> SignedNode:
+        """Add a sum of products with common factors in front; return its node and sign, -1 if all terms have it."""
         left = list(terms)
         while True:
             times = Counter(factor for factors, _ in left if len(factors) > 1 for factor in set(factors))
@@ -83,24 +83,24 @@ class Factored:
             rest, sign = self._add_factored_sum(rests)
             left = [term for term, has in zip(left, having, strict=True) if not has] + [([rest, *common], sign)]
 
-    def _add_sum(self, leaves: Sequence[Signed]) -> Signed:
-        """Add a sum; return it with its sign."""
-        left = deque(sorted(leaves))
+    def _add_sum(self, terms: Sequence[SignedNode]) -> SignedNode:
+        """Add a sum; return its node and sign."""
+        left = deque(sorted(terms))
         while len(left) > 1:
             (x, of_x), (y, of_y) = left.popleft(), left.popleft()
             if of_x == of_y:
-                left.append((self._add_node(Instruction.of(ca.OP_ADD, *sorted((x, y)))), of_x))
+                left.append((self._add_node(Instruction(ca.OP_ADD, tuple(sorted((x, y))))), of_x))
             else:
-                left.append((self._add_node(Instruction.of(ca.OP_SUB, *((x, y) if of_x > 0 else (y, x)))), 1))
+                left.append((self._add_node(Instruction(ca.OP_SUB, (x, y) if of_x > 0 else (y, x))), 1))
         return left[0]
 
     def _add_product(self, factors: Sequence[int]) -> int:
-        """Add a product."""
+        """Add a product; return its node."""
         left = deque(sorted(factors))
         while len(left) > 1:
             x, y = left.popleft(), left.popleft()
-            operation = (ca.OP_SQ, x) if x == y else (ca.OP_MUL, *sorted((x, y)))
-            left.append(self._add_node(Instruction.of(*operation)))
+            square, product = Instruction(ca.OP_SQ, (x,)), Instruction(ca.OP_MUL, tuple(sorted((x, y))))
+            left.append(self._add_node(square if x == y else product))
         return left[0]
 
     def _add_node(self, node: Instruction) -> int:
@@ -111,15 +111,15 @@ class Factored:
 
 
 def _absorbed_nodes(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
-    """Return the sums used in one other sum only, and the products used in one other sum or product only."""
+    """Return the nodes to be absorbed: sums with a single use, in a sum; products with a single one, in either."""
     uses = Counter(argument for node in nodes if node.operation is not None for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
     inner: set[int] = set()
     for user in nodes:
         if _is_sum(user):
-            inner.update(x for x in user.arguments if _is_sum(nodes[x]) or nodes[x].is_a(ca.OP_MUL))
-        elif user.is_a(ca.OP_MUL):
-            inner.update(x for x in user.arguments if nodes[x].is_a(ca.OP_MUL))
+            inner.update(x for x in user.arguments if _is_sum(nodes[x]) or nodes[x].operation == ca.OP_MUL)
+        elif user.operation == ca.OP_MUL:
+            inner.update(x for x in user.arguments if nodes[x].operation == ca.OP_MUL)
     return {number for number in inner if uses[number] == 1}
 
 
@@ -128,7 +128,7 @@ def _is_sum(node: Instruction) -> bool:
 
 
 def _common_factors(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
-    """Return common factors of terms, ``factor`` among them, and the rest of each term, which is not empty."""
+    """Return common factors of terms, at least ``factor``, and the other factors of each term, never none."""
     common = reduce(and_, (Counter(factors) for factors, _ in terms))
     if any(len(factors) == common.total() for factors, _ in terms):
         common = Counter([factor])

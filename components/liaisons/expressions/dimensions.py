@@ -33,7 +33,7 @@ class Declared:
 
 
 def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Declared]) -> None:
-    """Raise an error about the first expression whose unit cannot be right.
+    """Raise an error for the first expression with another unit than declared.
 
     :param symbols: by name the symbols that occur, with their units; those with ``units.ANY`` are unknown.
     :param declared: scalar expressions, in the order of their dependence.
@@ -98,7 +98,7 @@ class _Node:
             yield self
 
     def subexpressions(self) -> list[_Node]:
-        """Return all nodes that this one is made of, and itself, in the order of evaluation."""
+        """Return the node and all nodes below it, in the order of evaluation."""
         seen: set[_Node] = {self}
         waiting: list[_Node] = [self]
         while waiting:
@@ -113,7 +113,7 @@ class _Node:
         return text if len(text) <= _READABLE else f"{text[: _READABLE - 4].rstrip()} ..."
 
     def written(self, depth: int) -> tuple[str, int]:
-        """Return text and precedence, as in :data:`_WRITTEN`."""
+        """Return the text of the expression, to a depth of operands, and its precedence as in :data:`_WRITTEN`."""
         if self.name:
             return self.name, 3
         if self.constant is not None:
@@ -129,7 +129,10 @@ class _Node:
 
 
 def _derive_unit(node: _Node) -> Powers | None:
-    """Return the unit of a result; None if it is unknown, or if operands do not fit, which is noted in the node."""
+    """Return the unit of a node from those of its operands; None if it is unknown.
+
+    Operands that do not fit are noted in ``node.wrong``.
+    """
     code, operands = node.code, node.operands
     factors, exponents = [operand.unit for operand in operands], _EXPONENTS.get(code)
     if code in _ALIKE | _COMPARED or code == ca.OP_ATAN2:
@@ -157,7 +160,7 @@ def _derive_unit(node: _Node) -> Powers | None:
 
 
 def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | None:
-    """Return the unit 1; None if the operand has another one, which is noted in the node."""
+    """Return the unit 1; None, and a note in ``node.wrong``, if the operand has another one."""
     if operand.unit in (None, NUMBER):
         return NUMBER
     node.wrong = f"{message}, but {operand.text()} is {written(operand.unit or NUMBER)}"
@@ -165,7 +168,7 @@ def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | 
 
 
 def _raise_first_error(item: Declared, result: _Node, expected: Powers | None) -> None:
-    """Raise a ComponentError about the first term of a result whose unit is wrong, if there is one."""
+    """Raise a ComponentError for the first term of a result that has a wrong unit, or none that is possible."""
     terms = [result] if expected is None else list(result.terms())
     for term in terms:
         if message := next((node.wrong for node in term.subexpressions() if node.wrong), None):
@@ -189,14 +192,14 @@ def _unlike_terms_message(node: _Node) -> str:
 
 
 def _constant_hint(node: _Node) -> str:
-    """Return a hint at a number that may stand for a quantity."""
+    """Return a hint for a message: a number in the expression that may be a quantity; else nothing."""
     constants = [x for part in node.subexpressions() if (x := part.constant)]
     odd = [x for x in constants if not ((2 * x).is_integer() or (1 / x).is_integer())]
     return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
 
 
 def _unit_text(unit: Powers | None) -> str:
-    """Return the name of a unit in a message."""
+    """Return a unit as messages write it."""
     return "a pure number" if unit == NUMBER else written(unit or NUMBER)
 
 

@@ -39,7 +39,7 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """Return a formula as a CasADi expression.
+    """Return the CasADi expression of a formula.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
     :raises FormulaError: for an error in it; with its position, and the nearest name.
@@ -71,7 +71,7 @@ class _RefusedError(Exception):
 
 
 def _error_at(text: str, column: int, words: str) -> FormulaError:
-    """Return the error about a column of a formula."""
+    """Return an error that names the position in a formula."""
     return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
@@ -103,9 +103,8 @@ class _Reader:
             case ast.BinOp(op=ast.BitXor(), right=right):
                 raise _RefusedError(right, "powers are written **, not ^")
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-                return self._function_named(node, name, len(arguments))(
-                    *(self.read(argument, depth + 1) for argument in arguments)
-                )
+                self._check_call(node, name, len(arguments))
+                return self.functions[name](*(self.read(argument, depth + 1) for argument in arguments))
         raise _RefusedError(node, f"only numbers, names, brackets, + - * / ** and {', '.join(self.functions)}")
 
     def _symbol(self, node: ast.expr, name: str) -> ca.SX:
@@ -120,11 +119,10 @@ class _Reader:
             )
         return self.names[name]
 
-    def _function_named(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
-        """Return the function of a name that takes so many arguments."""
+    def _check_call(self, node: ast.expr, name: str, count: int) -> None:
+        """Raise an error for an unknown function, or another count of arguments than it takes."""
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1
         if count != expected:
             raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {count}")
-        return self.functions[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Self, TypeVar, final
+from typing import Any, NamedTuple, TypeVar, final
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,7 @@ def interpret(
     constant: Callable[[float], T],
     operation: Callable[[int, list[T]], T],
 ) -> list[list[T]]:
-    """Return the outputs of a scalar function, evaluated instruction by instruction with values of any type.
+    """Evaluate a scalar function instruction by instruction, with values of any type; return its outputs.
 
     :param entry: value of an entry of an input, by the indices of both.
     :param constant: value of a number.
@@ -60,7 +60,7 @@ _NOT_SMOOTH = {
 
 
 def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
-    """Return whether no operand that depends on a symbol enters an operation with a kink or a jump."""
+    """Return whether an expression is smooth in a symbol: no operand with it has a kink or a jump."""
     parameters = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
     function = ca.Function("expression", [by, ca.vertcat(*parameters)], [expression])
     kinks: set[int] = set()
@@ -75,7 +75,7 @@ def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
 
 
 def perform(code: int, operands: Sequence[X]) -> X:
-    """Return CasADi's operation of a code on one or two expressions."""
+    """Return the result of the operation with a code of CasADi on one or two expressions."""
     first, *second = operands
     return type(first).binary(code, first, second[0]) if second else type(first).unary(code, first)
 
@@ -156,15 +156,6 @@ class Instruction(NamedTuple):
     arguments: tuple[int, ...]  # numbers of nodes; of an entry: which input, which entry
     constant: float | None = None
 
-    @classmethod
-    def of(cls, code: int, *arguments: int) -> Self:
-        """Return the instruction that performs CasADi's operation of a code."""
-        return cls(code, arguments)
-
-    def is_a(self, code: int) -> bool:
-        """Return whether it performs CasADi's operation of a code."""
-        return self.operation == code
-
     def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Instruction:
-        """Return the same operation on renumbered nodes."""
+        """Return the instruction with new numbers of its arguments."""
         return self if self.operation is None else Instruction(self.operation, tuple([new[x] for x in self.arguments]))

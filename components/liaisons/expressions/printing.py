@@ -12,31 +12,25 @@ from liaisons.expressions.operations import OPERATIONS
 from liaisons.expressions.programs import Program, program
 
 
-def c_statements(inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> list[str]:
-    """Return C99 statements that evaluate expressions; they need ``math.h``.
-
-    :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
-    :param outputs: columns of expressions, and how their entries are written.
-    :returns: lines without indentation: reads, operations, writes.
-    :raises ComponentError: as :func:`program` does.
-    """
-    (lines,), _ = c_parts(inputs, outputs, spill="", most=sys.maxsize)
-    return lines
-
-
 def c_parts(
     inputs: Sequence[tuple[ca.SX, str]],
     outputs: Sequence[tuple[ca.SX, str]],
     *,
-    spill: str,
-    most: int,
+    spill: str = "",
+    most: int = sys.maxsize,
 ) -> tuple[list[list[str]], int]:
-    """Return C99 statements in parts for functions of their own, as compile time is superlinear in their number.
+    """Return C99 statements that evaluate expressions, in parts for functions of their own; they need ``math.h``.
 
+    Compile time is superlinear in the statements of a function.
+
+    :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
+    :param outputs: columns of expressions, and how their entries are written.
     :param spill: where a number is stored that a later part needs: ``"w[{}]"``.
     :param most: operations in a part, at most.
-    :returns: lines of each part, at least one, and the count of stored numbers.  An output is written by the part that
-        knows it, so with several parts it must lie elsewhere than the inputs.
+    :returns: lines of each part, at least one, without indentation: reads, operations, writes; and the count of stored
+        numbers.  An output is written by the part that calculates it, so with several parts it must lie elsewhere than
+        the inputs.
+    :raises ComponentError: as :func:`program` does.
     """
     symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
     code = program(symbols, expressions, reciprocals=True)
@@ -71,7 +65,7 @@ def _part(
     writes: Sequence[tuple[int, str]],
     sources: Mapping[int, str],
 ) -> list[str]:
-    """Return the statements of one part: reads, operations, writes."""
+    """Return the C statements of one part: reads, operations, writes."""
     names: dict[int, str] = {}
     lines: list[str] = []
 

@@ -31,7 +31,7 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
     def evaluate(self, inputs: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
-        """Return the outputs, calculated by NumPy.
+        """Evaluate the program by NumPy; return its outputs.
 
         :param inputs: arrays of shape (entries, ...) whose trailing shapes fit each other.
         :returns: arrays of shape (entries, ...), one an output.
@@ -53,7 +53,7 @@ class Program:
 
 
 def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
-    """Return the optimised program from columns of symbols to columns of expressions.
+    """Return the optimised program of expressions, columns, as functions of columns of symbols.
 
     :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
     :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
@@ -61,7 +61,7 @@ def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: b
     function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
     builder = Builder()
     results = interpret(function, entry=builder.entry, constant=builder.constant, operation=builder.perform)
-    short = _pruned(builder.nodes, [[builder.node(number) for number in entries] for entries in results])
+    short = _pruned(builder.nodes, [[builder.node_number(number) for number in entries] for entries in results])
     if reciprocals:
         short = _with_reciprocals(short)
     for _ in range(_PASSES):
@@ -71,18 +71,18 @@ def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: b
 
 
 def _with_reciprocals(original: Program) -> Program:
-    """Return the program with one reciprocal for all quotients by a number, as long as four multiplications."""
-    quotients = Counter(node.arguments[1] for node in original.nodes if node.is_a(ca.OP_DIV))
+    """Return the program with one reciprocal, as slow as four products, in place of several quotients by a number."""
+    quotients = Counter(node.arguments[1] for node in original.nodes if node.operation == ca.OP_DIV)
     nodes: list[Instruction] = []
     new: list[int] = []
     inverses: dict[int, int] = {}
     for node in original.nodes:
-        if node.is_a(ca.OP_DIV) and quotients[node.arguments[1]] > 1:
+        if node.operation == ca.OP_DIV and quotients[node.arguments[1]] > 1:
             dividend, divisor = node.arguments
             if divisor not in inverses:
                 inverses[divisor] = len(nodes)
-                nodes.append(Instruction.of(ca.OP_INV, new[divisor]))
-            replacement = Instruction.of(ca.OP_MUL, new[dividend], inverses[divisor])
+                nodes.append(Instruction(ca.OP_INV, (new[divisor],)))
+            replacement = Instruction(ca.OP_MUL, (new[dividend], inverses[divisor]))
         else:
             replacement = node.renumbered(new)
         new.append(len(nodes))
@@ -91,7 +91,7 @@ def _with_reciprocals(original: Program) -> Program:
 
 
 def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> Program:
-    """Return the program without dead code; entries of inputs and constants first."""
+    """Return the program of the nodes that outputs depend on, entries of inputs and constants first."""
     used = {number for entries in outputs for number in entries}
     for number in reversed(range(len(nodes))):
         if number in used and nodes[number].operation is not None:

@@ -10,7 +10,18 @@ from dataclasses import replace
 
 import casadi as ca
 
-from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector, carry, key, paired, row_program
+from liaisons.expressions.rows import (
+    Carry,
+    Each,
+    RowProgram,
+    Step,
+    Sum,
+    Vector,
+    append_new_symbols,
+    carry,
+    key,
+    row_program,
+)
 
 
 def forward(original: RowProgram) -> RowProgram:
@@ -24,11 +35,11 @@ def forward(original: RowProgram) -> RowProgram:
 
     steps: list[Step] = []
     for step in original.steps:
-        symbols = paired(step.symbols, pairs)
+        symbols = append_new_symbols(step.symbols, pairs)
         match step:
             case Carry():
                 start, following = derivative(step.start), derivative(step.following)
-                steps += [step, Carry(symbols, start, following, paired(step.last, pairs), step.inward)]
+                steps += [step, Carry(symbols, start, following, append_new_symbols(step.last, pairs), step.inward)]
             case Each() | Sum():
                 steps += [step, replace(step, symbols=symbols, read=derivative(step.read))]
     return row_program(
@@ -47,7 +58,7 @@ def reverse(original: RowProgram) -> RowProgram:
     for result, weight in zip(original.results, weights, strict=True):
         for single in (True, False):  # what is one number a link, and the rest
             rows = [i for i, each in enumerate(result.each) if each is not single]
-            adjoints.add(result.entries[rows], weight.entries[rows], single=single)
+            adjoints.accumulate(result.entries[rows], weight.entries[rows], single=single)
     for step in reversed(original.steps):
         adjoints.propagate(step)
     results = [Vector(adjoints.pop(argument.entries, argument.each), argument.each) for argument in original.arguments]
@@ -68,8 +79,11 @@ class _Adjoints:
         self._at_links: dict[int, ca.SX] = {}
         self._alone: dict[int, ca.SX] = {}
 
-    def add(self, expressions: ca.SX, weights: ca.SX, *, single: bool) -> None:
-        """Add to the adjoints of symbols what adjoints of expressions contribute to them."""
+    def accumulate(self, expressions: ca.SX, weights: ca.SX, *, single: bool) -> None:
+        """Add what expressions with these adjoints contribute to the adjoints of their symbols.
+
+        :param single: whether the expressions are single numbers, or numbers at each link.
+        """
         if expressions.numel() == 0:
             return
         gathered = self._alone if single else self._at_links
@@ -80,7 +94,7 @@ class _Adjoints:
                 gathered[key(symbol)] = gathered.get(key(symbol), 0) + share
 
     def pop(self, symbols: ca.SX, each: Sequence[bool]) -> ca.SX:
-        """Remove and return adjoints of symbols; those of single numbers are sums over the links."""
+        """Remove and return the adjoints of symbols; for a single number, append the step that sums over the links."""
         popped = []
         for symbol, of_link in zip(ca.vertsplit(symbols) if symbols.numel() else (), each, strict=True):
             at_links = self._at_links.pop(key(symbol), ca.SX(0))
@@ -97,9 +111,9 @@ class _Adjoints:
         count = step.symbols.shape[0]
         match step:
             case Each():
-                self.add(step.read, self._name_weights(self.pop(step.symbols, [True] * count)), single=False)
+                self.accumulate(step.read, self._define_weights(self.pop(step.symbols, [True] * count)), single=False)
             case Sum():
-                self.add(step.read, self.pop(step.symbols, [False] * count), single=False)
+                self.accumulate(step.read, self.pop(step.symbols, [False] * count), single=False)
             case Carry():
                 own = self.pop(step.symbols, [True] * count)
                 start = self.pop(step.last, [False] * count)
@@ -107,18 +121,18 @@ class _Adjoints:
                 through = ca.jtimes(step.following, step.symbols, beyond, True)
                 carried = carry(beyond, start, through + own, inward=not step.inward)
                 self.steps.append(carried)
-                self.add(step.following, beyond, single=False)
+                self.accumulate(step.following, beyond, single=False)
                 for symbol in ca.vertsplit(step.symbols):  # their adjoints go to the next link, not to an earlier step
                     self._at_links.pop(key(symbol), None)
-                self.add(step.start, carried.last, single=True)
+                self.accumulate(step.start, carried.last, single=True)
 
-    def _name_weights(self, weights: ca.SX) -> ca.SX:
-        """Add a step that names weights; return the names."""
+    def _define_weights(self, weights: ca.SX) -> ca.SX:
+        """Append a step that defines weights at each link; return their symbols."""
         names = ca.SX.sym("w", weights.shape[0])
         self.steps.append(Each(names, weights))
         return names
 
 
 def _new_symbols(vector: Vector) -> Vector:
-    """Return new symbols of the shape of a vector."""
+    """Return a vector of new symbols in the shape of another one."""
     return Vector(ca.SX.sym("d", vector.entries.shape[0]), vector.each)

@@ -30,11 +30,11 @@ def row_function(program: RowProgram) -> ca.Function:
     for step in program.steps:
         match step:
             case Each():
-                row.define(scalars(step.symbols), row.at_links(step.read))
+                row.define(scalars(step.symbols), row.link_columns(step.read))
             case Sum():
-                row.define(scalars(step.symbols), [ca.sum1(terms) for terms in row.at_links(step.read)])
+                row.define(scalars(step.symbols), [ca.sum1(terms) for terms in row.link_columns(step.read)])
             case Carry():
-                row.carry(step)
+                row.define_carried(step)
     return ca.Function(program.name, arguments, [row.column(result) for result in program.results])
 
 
@@ -46,11 +46,11 @@ class _Row:
         self._values: dict[int, ca.MX] = {}
 
     def define(self, symbols: Sequence[ca.SX], values: Sequence[ca.MX]) -> None:
-        """Set the values of symbols."""
+        """Store the values of symbols."""
         self._values |= {key(symbol): value for symbol, value in zip(symbols, values, strict=True)}
 
     def evaluated(self, expressions: ca.SX) -> list[ca.MX]:
-        """Return expressions with values in the place of symbols, operation by operation."""
+        """Return the values of expressions, calculated operation by operation from those of symbols."""
         symbols = ca.symvar(expressions)
         function = ca.Function("expressions", symbols, [ca.cse(expressions)])
 
@@ -62,30 +62,32 @@ class _Row:
         )
         return values
 
-    def at_links(self, expressions: ca.SX) -> list[ca.MX]:
-        """Return expressions of one link for all links, (n, 1) each."""
-        return [self._repeated(values) for values in self.evaluated(expressions)]
+    def link_columns(self, expressions: ca.SX) -> list[ca.MX]:
+        """Return the values of expressions at all links, (n, 1) each."""
+        return [self._as_column(values) for values in self.evaluated(expressions)]
 
     def column(self, vector: Vector) -> ca.MX:
-        """Return a result as a column."""
+        """Return the values of a vector, one below the other."""
         values = self.evaluated(ca.densify(vector.entries))
-        parts = [self._repeated(x) if each else x for x, each in zip(values, vector.each, strict=True)]
+        parts = [self._as_column(x) if each else x for x, each in zip(values, vector.each, strict=True)]
         return ca.densify(ca.vertcat(*parts)) if parts else ca.MX(0, 1)
 
-    def carry(self, step: Carry) -> None:
-        """Define the values at the links, and those behind the last one."""
+    def define_carried(self, step: Carry) -> None:
+        """Store the values of a scan at the links, and behind the last one."""
         start = self.evaluated(step.start)
         if keys(step.symbols) & keys(step.following):
-            columns, last = self._scanned(step, start)
+            columns, last = self._scan_values(step, start)
         else:  # no recurrence: the values of all links at once, moved by one link
-            following = self.at_links(step.following)
-            columns = [_shifted(values, edge, step.inward) for values, edge in zip(following, start, strict=True)]
+            following = self.link_columns(step.following)
+            columns = [
+                _shifted_by_one_link(values, edge, step.inward) for values, edge in zip(following, start, strict=True)
+            ]
             last = [values[0 if step.inward else -1] for values in following]
         self.define(scalars(step.symbols), columns)
         self.define(scalars(step.last), last)
 
-    def _scanned(self, step: Carry, start: Sequence[ca.MX]) -> tuple[list[ca.MX], list[ca.MX]]:
-        """Return the carried values at the links, and behind the last one."""
+    def _scan_values(self, step: Carry, start: Sequence[ca.MX]) -> tuple[list[ca.MX], list[ca.MX]]:
+        """Return the values of a scan at the links (n, 1), and behind the last one (1, 1)."""
         carried = scalars(step.symbols)
         own, count = keys(step.symbols), len(carried)
         read = [symbol for symbol in ca.symvar(step.following) if key(symbol) not in own]
@@ -97,18 +99,21 @@ class _Row:
         values = list(_scan_tree(link, self._n, count, len(each), step.inward).call([*start, *inputs]))
         return [value.T for value in values[count:]], values[:count]
 
-    def _repeated(self, values: ca.MX) -> ca.MX:
-        """Return a column of n links, from one of them or from a single number."""
+    def _as_column(self, values: ca.MX) -> ca.MX:
+        """Return a single number as one at each link (n, 1); a column as it is."""
         return values if values.shape[0] == self._n else values * ca.MX.ones(self._n)
 
 
-def _shifted(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
-    """Return the values at each link from those at the next one."""
+def _shifted_by_one_link(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
+    """Return the values at each link, from those that each link hands on and that at the first one."""
     return ca.vertcat(following[1:, :], start) if inward else ca.vertcat(start, following[:-1, :])
 
 
 def _scan_tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:
-    """Return (carried, columns of n links, shared) → (carried behind them, columns of carried), ten parts a level."""
+    """Return the function of a scan over n links, a tree with ten branches at each level.
+
+    Of (start values, rows of n links, shared numbers) → (values behind the last link, rows of values at the links).
+    """
 
     @cache
     def branch(n: int) -> ca.Function:

@@ -23,14 +23,14 @@ class _Named:
     """Names for expressions of one link; abstract."""
 
     symbols: ca.SX  # (r, 1)
-    read: ca.SX  # (r, 1): the expressions that it evaluates
+    read: ca.SX  # (r, 1): expressions
 
     def rewritten(self, rewrite: Rewrite) -> Self:
         """Return the step with its expressions rewritten."""
         return replace(self, read=rewrite(self.read))
 
     def restricted_to(self, needed: set[int]) -> Self:
-        """Return the step with those rows only whose symbols are needed."""
+        """Return the step with those of its rows that define needed symbols, by their keys."""
         rows = _row_indices(self.symbols, needed)
         return replace(self, symbols=self.symbols[rows], read=self.read[rows])
 
@@ -57,7 +57,7 @@ class Carry:
 
     @property
     def read(self) -> ca.SX:
-        """The expressions that it evaluates."""
+        """Start values, then values at the next link (2 c, 1)."""
         return ca.vertcat(self.start, self.following)
 
     def rewritten(self, rewrite: Rewrite) -> Carry:
@@ -65,7 +65,7 @@ class Carry:
         return replace(self, start=rewrite(self.start), following=rewrite(self.following))
 
     def restricted_to(self, needed: set[int]) -> Carry:
-        """Return the scan of the needed quantities and of those that they depend on."""
+        """Return the scan of the needed symbols, by their keys, and of those that they depend on."""
         reached: set[int] = set()
         new = {*_row_indices(self.symbols, needed), *_row_indices(self.last, needed)}
         while new:
@@ -123,7 +123,7 @@ def row_program(
     simple: list[Step] = []
     for step in _needed_steps(steps, results):
         simple.append(step.rewritten(simplified))
-        if new := _constants(simple[-1]):
+        if new := _constant_symbols(simple[-1]):
             constants += new
             simple[-1] = simple[-1].rewritten(simplified)
     ends = [Vector(simplified(result.entries), result.each) for result in results]
@@ -151,8 +151,8 @@ def leading_results(name: str, original: RowProgram, count: int) -> RowProgram:
     )
 
 
-def _constants(step: Step) -> list[tuple[ca.SX, ca.SX]]:
-    """Return the symbols of constants, with their values; carried ones are constant if no link changes them."""
+def _constant_symbols(step: Step) -> list[tuple[ca.SX, ca.SX]]:
+    """Return pairs of a symbol that is constant, and its value; carried ones are constant if no link changes them."""
     if not isinstance(step, Carry):
         pairs = zip(ca.vertsplit(step.symbols), ca.vertsplit(step.read), strict=True)
         return [(symbol, x) for symbol, x in pairs if (x.is_constant() if isinstance(step, Each) else x.is_zero())]
@@ -172,21 +172,21 @@ def _constants(step: Step) -> list[tuple[ca.SX, ca.SX]]:
             del assumed[i]
 
 
-def paired(symbols: ca.SX, pairs: list[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return as many new symbols, after adding both to the pairs."""
+def append_new_symbols(symbols: ca.SX, pairs: list[tuple[ca.SX, ca.SX]]) -> ca.SX:
+    """Append a pair of these symbols and as many new ones; return the new ones."""
     pairs.append((symbols, ca.SX.sym("x", symbols.shape[0])))
     return pairs[-1][1]
 
 
-def renamed(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step], ca.SX]:
-    """Return copies of steps, and of an expression that needs them, with new symbols."""
+def renamed_steps(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step], ca.SX]:
+    """Return steps, and an expression that needs them, with new symbols for all that the steps define."""
     pairs: list[tuple[ca.SX, ca.SX]] = []
     copies: list[Step] = []
 
     for step in steps:
-        named = replace(step, symbols=paired(step.symbols, pairs))
+        named = replace(step, symbols=append_new_symbols(step.symbols, pairs))
         if isinstance(named, Carry):
-            named = replace(named, last=paired(named.last, pairs))
+            named = replace(named, last=append_new_symbols(named.last, pairs))
         copies.append(named.rewritten(lambda x: substituted(x, pairs)))
     return copies, substituted(expression, pairs)
 

@@ -36,8 +36,8 @@ class Expansions:
     _terms: dict[int, tuple[ScaledNode, ...]] = field(default_factory=dict)
     _factors: dict[int, Monomial] = field(default_factory=dict)
 
-    def shortened(self, first: ScaledNode, second: ScaledNode) -> list[tuple[float, Monomial]] | None:
-        """Return the sum of two scaled nodes in fewer terms than they have together; None if there is none."""
+    def shortened_sum(self, first: ScaledNode, second: ScaledNode) -> list[tuple[float, Monomial]] | None:
+        """Return the scaled products of a sum if they are fewer than the terms of both nodes; else None."""
         terms = [(outer * inner, number) for outer, number in (first, second) for inner, number in self.terms(number)]
         if len(terms) > _MOST_TERMS:
             return None
@@ -60,12 +60,12 @@ class Expansions:
     def _split_into_terms(self, number: int) -> tuple[ScaledNode, ...]:
         """Return the terms of a node as a sum."""
         node = self.nodes[number]
-        if node.is_a(ca.OP_ADD) or node.is_a(ca.OP_SUB):
+        if node.operation in (ca.OP_ADD, ca.OP_SUB):
             first, second = (self.terms(argument) for argument in node.arguments)
-            sign = 1.0 if node.is_a(ca.OP_ADD) else -1.0
+            sign = 1.0 if node.operation == ca.OP_ADD else -1.0
             return (*first, *((sign * scale, term) for scale, term in second))
-        if node.is_a(ca.OP_TWICE) or node.is_a(ca.OP_NEG):
-            outer = 2.0 if node.is_a(ca.OP_TWICE) else -1.0
+        if node.operation in (ca.OP_TWICE, ca.OP_NEG):
+            outer = 2.0 if node.operation == ca.OP_TWICE else -1.0
             return tuple((outer * scale, term) for scale, term in self.terms(node.arguments[0]))
         return ((1.0, number),)
 
@@ -73,12 +73,12 @@ class Expansions:
         """Return the factors of a node as a product; itself if there are too many."""
         if number not in self._factors:
             node, factors = self.nodes[number], (number,)
-            if node.is_a(ca.OP_MUL) or node.is_a(ca.OP_SQ):
-                factors = self.factors_of(node.arguments[0], node.arguments[-1])
+            if node.operation in (ca.OP_MUL, ca.OP_SQ):
+                factors = self.product_factors(node.arguments[0], node.arguments[-1])
             self._factors[number] = factors if len(factors) <= _MOST_FACTORS else (number,)
         return self._factors[number]
 
-    def factors_of(self, first: int, second: int) -> Monomial:
+    def product_factors(self, first: int, second: int) -> Monomial:
         """Return the factors of the product of two nodes."""
         return tuple(sorted(self.factors(first) + self.factors(second)))
 
@@ -102,7 +102,7 @@ class Expansions:
         for product, scale in left.items():
             for factor in set(product):
                 node = self.nodes[factor]
-                if not node.is_a(ca.OP_SIN) or product.count(factor) < 2:
+                if node.operation != ca.OP_SIN or product.count(factor) < 2:
                     continue
                 rest = _without(_without(product, factor), factor)
                 for other, equal in left.items():
@@ -118,9 +118,7 @@ class Expansions:
         remaining.subtract(rest)
         squares = [factor for factor, count in remaining.items() if count]
         return (
-            len(squares) == 1
-            and remaining[squares[0]] == 2
-            and self.nodes[squares[0]] == Instruction.of(ca.OP_COS, *angle)
+            len(squares) == 1 and remaining[squares[0]] == 2 and self.nodes[squares[0]] == Instruction(ca.OP_COS, angle)
         )
 
 

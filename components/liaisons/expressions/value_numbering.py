@@ -54,16 +54,16 @@ class Builder:
         """Return the node of a constant."""
         return 1.0, self._add_node(Instruction(None, (), float(value)))
 
-    def node(self, number: ScaledNode) -> int:
-        """Return the number of a node that has the value of a scaled node."""
-        scale, core = number
+    def node_number(self, scaled: ScaledNode) -> int:
+        """Return the number of the node with the value of a scaled node, added if there is none."""
+        scale, core = scaled
         if scale == 1:
             return core
         node = self.nodes[core]
         if node.constant is not None:
             return self.constant(scale * node.constant)[1]
-        if scale < 0 and node.is_a(ca.OP_SUB):
-            return self.node((-scale, self._add_operation(ca.OP_SUB, *reversed(node.arguments))))
+        if scale < 0 and node.operation == ca.OP_SUB:
+            return self.node_number((-scale, self._add_operation(ca.OP_SUB, *reversed(node.arguments))))
         if scale in (-1, 2):
             return self._add_operation(ca.OP_NEG if scale == -1 else ca.OP_TWICE, core)
         return self._add_operation(ca.OP_MUL, core, self.constant(scale)[1])
@@ -79,14 +79,14 @@ class Builder:
             )
         if code in self._rewritten:
             return self._with_bounded_scale(self._rewritten[code](*arguments))
-        return 1.0, self._add_operation(code, *map(self.node, arguments))
+        return 1.0, self._add_operation(code, *map(self.node_number, arguments))
 
     def _with_bounded_scale(self, number: ScaledNode) -> ScaledNode:
-        """Return an equal scaled node whose scale is an exact power of two, and bounded."""
+        """Return the same value with a scale that is a power of two, and bounded: else with 1, in a node of its own."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
             return number
-        return 1.0, self.node(number)
+        return 1.0, self.node_number(number)
 
     def _inverse(self, number: ScaledNode) -> ScaledNode:
         scale, x = number
@@ -94,7 +94,7 @@ class Builder:
 
     def _if_else_zero(self, condition: ScaledNode, number: ScaledNode) -> ScaledNode:
         scale, x = number
-        return scale, self._add_operation(ca.OP_IF_ELSE_ZERO, self.node(condition), x)
+        return scale, self._add_operation(ca.OP_IF_ELSE_ZERO, self.node_number(condition), x)
 
     def _product(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         (scale, x), (other, y) = first, second
@@ -106,7 +106,7 @@ class Builder:
                 return scale * other * constant, factor[1]
         operation = (ca.OP_SQ, x) if x == y else (ca.OP_MUL, *sorted((x, y)))
         # The same factors in another order have the same product.
-        core = self._products.setdefault(self._sums.factors_of(x, y), self._add_operation(*operation))
+        core = self._products.setdefault(self._sums.product_factors(x, y), self._add_operation(*operation))
         return scale * other, core
 
     def _quotient(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
@@ -117,9 +117,9 @@ class Builder:
         return scale / other, self._add_operation(ca.OP_DIV, x, y)
 
     def _hypotenuse(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """Return √(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
+        """Return √(x² + y²), five times as fast as ``hypot``, but subject to overflow."""
         squares = self._sum(self._product(first, first), self._product(second, second))
-        return 1.0, self._add_operation(ca.OP_SQRT, self.node(squares))
+        return 1.0, self._add_operation(ca.OP_SQRT, self.node_number(squares))
 
     def _sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         for number, term in ((first[1], second), (second[1], first)):
@@ -128,20 +128,20 @@ class Builder:
         together = first[0] + second[0]
         if first[1] == second[1] and (together == 0 or _is_power_of_two(together)):
             return (together, first[1]) if together else self.constant(0.0)
-        products = self._sums.shortened(first, second)
-        return self._plain_sum(first, second) if products is None else self._sum_of_products(products)
+        products = self._sums.shortened_sum(first, second)
+        return self._two_term_sum(first, second) if products is None else self._sum_of_products(products)
 
-    def _plain_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """Return a sum of two nodes, with a common scale in front."""
+    def _two_term_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
+        """Return the sum of two nodes as one operation, with the scale of one in front."""
         if abs(second[0]) == 1:  # a scale of one is put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
         if abs(other) != abs(scale):
-            y = self.node((abs(other / scale), y))
+            y = self.node_number((abs(other / scale), y))
         if (scale < 0) == (other < 0):
             return scale, self._add_operation(ca.OP_ADD, *sorted((x, y)))
         plus, minus = (x, y) if scale > 0 else (y, x)
-        if Instruction.of(ca.OP_SUB, minus, plus) in self._numbers:
+        if Instruction(ca.OP_SUB, (minus, plus)) in self._numbers:
             return -abs(scale), self._add_operation(ca.OP_SUB, minus, plus)
         return abs(scale), self._add_operation(ca.OP_SUB, plus, minus)
 
@@ -162,7 +162,7 @@ class Builder:
             if value.is_integer() and 0 < abs(value) <= _LARGEST_POWER:
                 power = self._integer_power(base, int(abs(value)))
                 return power if value > 0 else self.perform(ca.OP_INV, [power])
-        return 1.0, self._add_operation(ca.OP_POW, self.node(base), self.node(exponent))
+        return 1.0, self._add_operation(ca.OP_POW, self.node_number(base), self.node_number(exponent))
 
     def _integer_power(self, base: ScaledNode, exponent: int) -> ScaledNode:
         """Return a power by repeated squaring."""
@@ -173,7 +173,7 @@ class Builder:
         return self._product(base, square) if exponent % 2 else square
 
     def _add_operation(self, code: int, *arguments: int) -> int:
-        return self._add_node(Instruction.of(code, *arguments))
+        return self._add_node(Instruction(code, arguments))
 
     def _add_node(self, node: Instruction) -> int:
         """Add an instruction unless there is an equal one; return its number."""

@@ -239,7 +239,7 @@ def _table_declarations(model: Model) -> list[str]:
     behind = scalar_count(model.parameters) - table.columns * table.rows
     sizes = {"COLUMNS": table.columns, "ROOM": table.rows, "LOOKUPS": len(lookups), "BEHIND": behind}
     return [
-        f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())}, SEEN = {table.seen} }};",
+        f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())}, SEEN = {table.numbers_read} }};",
         f"static const size_t of_lookup[] = {_initializer(*map(len, lookups))};",
         f"static const size_t seen_columns[] = {_initializer(*(column for lookup in lookups for column in lookup))};",
         f"static const int rests[] = {_initializer(*map(int, table.rests))};",

@@ -15,7 +15,7 @@ from liaisons.language.sampled import LATE, SampledStates
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
-from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
+from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, declared_fields
 from liaisons.mechanics.printing import of_signals
 
 
@@ -74,7 +74,7 @@ def _signal_model(component: Any, n: object) -> Model:
         "nominals": ca.SX.ones(x.shape),
     }
     return Model(
-        **described(m),
+        **declared_fields(m),
         memory=names,
         **model_functions(vectors, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),

@@ -15,11 +15,12 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import at_zero
 from liaisons.language.layout import Layout
 from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
-from liaisons.mechanics.functions import model_functions, results_of
+from liaisons.mechanics.functions import results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long, refuse_many
+from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long_chain, refuse_many_contacts
 
 
 def compose(
@@ -60,24 +61,20 @@ def compose(
         active=tuple(a for a in _concatenated(parts, "active") if a.value not in connections),
         ports=tuple(p for p in _concatenated(parts, "ports") if not any(m.variable in connections for m in p.members)),
     )
-    conditions, functions = joined.functions(layout)
     return Model(
         **vars(layout),
         name=name,
         description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in models.items()),
         documentation=_documentation(models, connections),
-        memory=joined.memory,
-        **functions,
-        condition_texts=conditions,
+        **joined.functions(layout),
         start_only=sum(part.start_only for part in parts),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_prefixed_equations(models, connections)),
-        contacts=joined.contacts,
     )
 
 
 def _prefixed_equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
-    """Yield the parts' equations with the part's name before all names, and the connections."""
+    """Yield the equations of the parts, in variables called ``part.variable``, and the connections."""
     for part, model in models.items():
         for e in model.equations:
             own = [symbol for symbol in ca.symvar(e.right) if symbol.name() != "t"]
@@ -105,7 +102,7 @@ def _prefixed(part: str, model: Model) -> Model:
         },
         states=tuple(State(*map(full, state)) for state in model.states),
         memory=tuple(map(full, model.memory)),
-        contacts=tuple(Contact(full(c.name), c.friction, c.normal and full(c.normal)) for c in model.contacts),
+        contacts=tuple(contact.renamed(full) for contact in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
         active=tuple(ActiveInput(*map(full, item)) for item in model.active),
         ports=tuple(
@@ -127,12 +124,15 @@ class _Part:
     model: Model
     vectors: Mapping[str, Any]  # by letter
 
-    def results_at(self, group: str, **others: Any) -> list[Any]:
-        """Results of one of the model's functions under given contact forces, at other states or memory if need be."""
-        vectors, forced = {**self.vectors, **others}, self.model.forced_motion
-        if forced is not None and group in forced.name_out():
-            return [results_of("forced_motion", forced, vectors)[forced.index_out(group)]]
-        return results_of(group, getattr(self.model, group), vectors)
+    def function_results(self, name: str, **vectors: Any) -> list[Any]:
+        """Results of a function of the model under contact forces that are symbols.
+
+        :param vectors: in place of those of the part, by letter.
+        """
+        arguments, forced = {**self.vectors, **vectors}, self.model.forced_motion
+        if forced is not None and name in forced.name_out():
+            return [results_of("forced_motion", forced, arguments)[forced.index_out(name)]]
+        return results_of(name, getattr(self.model, name), arguments)
 
 
 class _Joined:
@@ -140,20 +140,21 @@ class _Joined:
 
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
         self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
-        refuse_many(name, self.contacts)
+        refuse_many_contacts(name, self.contacts)
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         if self.contacts:  # chains are written out link by link
             scalar = True
-            refuse_long(name, max((program.n for model in models for program in model.programs), default=0))
+            refuse_long_chain(name, max((program.n for model in models for program in model.programs), default=0))
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
-        inputs = [v.name for v in _concatenated(models, "inputs")]
-        self.inner = [variable for variable in inputs if variable in connections]
+        inputs = _concatenated(models, "inputs")
+        self.inner = [variable for variable in inputs if variable.name in connections]
         self.v = kind.sym("v", len(self.inner))
-        outer = [variable for variable in inputs if variable not in connections]
+        outer = [variable for variable in inputs if variable.name not in connections]
         self.memory, symbol = _concatenated(models, "memory"), kind.sym
         u, x = symbol("u", len(outer)), symbol("x", len(self.contacts))
-        symbol_of = dict(zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True))
+        symbols = zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True)
+        symbol_of = {variable.name: value for variable, value in symbols}
         force_of = dict(zip(self.contacts, ca.vertsplit(x), strict=True))
         counts = {
             letter: [len(getattr(model, group)) for model in models]
@@ -175,16 +176,16 @@ class _Joined:
             for model, *columns in zip(models, *split, strict=True)
         ]
         outputs = [v.name for v in _concatenated(models, "outputs")]
-        self.sources = [outputs.index(connections[variable]) for variable in self.inner]
+        self.sources = [outputs.index(connections[variable.name]) for variable in self.inner]
 
-    def functions(self, layout: Layout) -> tuple[tuple[str, ...], dict[str, Any]]:
-        """Texts of the conditions, and functions of the composed model, by name."""
+    def functions(self, layout: Layout) -> dict[str, Any]:
+        """Functions of the composed model, and what belongs to them: arguments of Model."""
         z = self._stacked_results("outputs_function")
         v = self._connected_inputs(z)
-        start = [part.results_at("start") for part in self.parts]
+        start = [part.function_results("start") for part in self.parts]
         y_0, m_0 = (self._to_column(column) for column in zip(*start, strict=True))
         at_start = zip(self.parts, start, strict=True)
-        z_0 = self._to_column(part.results_at("outputs_function", y=y, m=m)[0] for part, (y, m) in at_start)
+        z_0 = self._to_column(part.function_results("outputs_function", y=y, m=m)[0] for part, (y, m) in at_start)
         v_0 = self._connected_inputs(z_0)
 
         def connected(expression: Any, values: Any = v) -> Any:
@@ -200,63 +201,58 @@ class _Joined:
         }
         if any(part.model.project is not None for part in self.parts):
             rows = (
-                part.vectors["y"] if part.model.project is None else part.results_at("project")[0]
+                part.vectors["y"] if part.model.project is None else part.function_results("project")[0]
                 for part in self.parts
             )
             results["project"] = connected(self._to_column(rows))
-        announcing = [part.results_at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
+        announcing = [part.function_results("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
         results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
         conditions = {text: connected(row) for text, row in self._conditions().items()}
-        drawn = {"drawn": (NEXT_EVENT,) if announcing else ()}
-        if not self.contacts:
-            results["conditions"] = self._to_column(conditions.values())
-            return tuple(conditions), model_functions(self.vectors, results) | drawn
+        results["conditions"] = self._to_column(conditions.values())
         numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
-        modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, memory=self.memory)
-        conditions = modes.painleve_conditions() | conditions
-        return tuple(conditions), modes.functions(self._to_column(conditions.values())) | drawn
+        modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, self.memory, tuple(conditions))
+        return modes.functions() | {"drawn": (NEXT_EVENT,) if announcing else ()}
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
-        """Numbers of one name of all contacts of some kinds, a column."""
+        """Column of one of :data:`CONTACT_NUMBERS` of the contacts of some kinds."""
         row_of: dict[Contact, ca.SX] = {}
         for part in self.parts:
             contacts = [contact for contact in part.model.contacts if contact.friction in kinds]
-            row_of |= dict(zip(contacts, ca.vertsplit(part.results_at(name)[0]), strict=True)) if contacts else {}
+            row_of |= dict(zip(contacts, ca.vertsplit(part.function_results(name)[0]), strict=True)) if contacts else {}
         return self._to_column(row_of[contact] for contact in self.contacts if contact in row_of)
 
     def _conditions(self) -> dict[str, Any]:
-        """Conditions by their messages: domains of connected inputs, lasting ones, then those of the start."""
+        """Expressions that stay > 0, by message: domains of connected inputs, conditions of parts, then starts."""
         lasting, at_start = dict[str, Any](), list[tuple[str, Any]]()
-        for variable in _concatenated([part.model for part in self.parts], "inputs"):
-            if variable.name in self.inner:
-                lasting |= domain_conditions(variable, self.v[self.inner.index(variable.name)])
+        for variable, value in zip(self.inner, ca.vertsplit(self.v), strict=True):
+            lasting |= domain_conditions(variable, value)
         for part in self.parts:
             conditions = list(
-                zip(part.model.condition_texts, ca.vertsplit(part.results_at("conditions")[0]), strict=True)
+                zip(part.model.condition_texts, ca.vertsplit(part.function_results("conditions")[0]), strict=True)
             )
             first = sum(bool(contact.normal) for contact in part.model.contacts)  # Painlevé's
             count = len(conditions) - part.model.start_only
             lasting, at_start = lasting | dict(conditions[first:count]), at_start + conditions[count:]
         return lasting | dict(at_start)
 
-    def _stacked_results(self, group: str) -> Any:
-        """Results of a function of all parts in one column."""
-        return self._to_column(part.results_at(group)[0] for part in self.parts)
+    def _stacked_results(self, name: str) -> Any:
+        """Column of the results that a function has for each part."""
+        return self._to_column(part.function_results(name)[0] for part in self.parts)
 
     def _to_column(self, columns: Any) -> Any:
-        """Columns one below the other, in the kind of expression of the composition."""
+        """Columns stacked, as SX or MX like the composition."""
         rows = [self.kind(column) for column in columns]
         return ca.vertcat(*rows) if rows else self.kind(0, 1)
 
     def _connected_inputs(self, z: Any) -> Any:
-        """Connected inputs v from v = h(v), h the outputs: set by set, in the order of dependence."""
+        """Solution v of v = h(v) for the connected inputs, h the outputs: loop by loop, in the order of dependence."""
         if not self.inner:
             return self.v
         memory = self.vectors["m"]
         booked = memory.shape[0] and ca.jacobian_sparsity(z[self.sources], memory).nnz()
         if booked:
             raise ComponentError(f"{self.name}: work and energy_balance cannot be connected; integrate the power")
-        h = ca.substitute(z[self.sources], memory, self.kind.zeros(*memory.shape))
+        h = at_zero(z[self.sources], memory)
         pattern = ca.jacobian_sparsity(h, self.v)
         solved = [self.kind(0)] * len(self.inner)
         _, order, starts = pattern.T.scc()  # those that others depend on first
@@ -274,7 +270,7 @@ class _Joined:
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
         if ca.depends_on(H, self.v):
-            names = ", ".join(self.inner[i] for i in members)
+            names = ", ".join(self.inner[i].name for i in members)
             raise ComponentError(f"{self.name}: {names} depend on each other, and not linearly; open the loop")
         return ca.solve(ca.densify(self.kind.eye(len(members)) - H), explicit)
 

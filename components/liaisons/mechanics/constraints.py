@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import at_zero, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia
 
@@ -36,42 +36,36 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
 
     :param alpha: a residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, where it would grow linearly [1/s].
     """
-    zero = ca.SX.zeros(m.free.q_ddot.shape)
-    accelerated: list[ca.SX] = []
-    residuals: list[ca.SX] = []
-    rate_residuals: list[ca.SX] = []
+    rows: list[tuple[ca.SX, ca.SX, ca.SX]] = []  # residual, its rate, and what vanishes at the right accelerations
 
-    def keep(phi: ca.SX, sigma: ca.SX, sigma_dot: ca.SX, sigma_ddot: ca.SX) -> None:
+    def append_constraint(phi: ca.SX, sigma: ca.SX, sigma_dot: ca.SX, sigma_ddot: ca.SX) -> None:
         phi_dot = m.dot(phi)
-        residuals.append(phi - sigma)
-        rate_residuals.append(phi_dot - sigma_dot)
-        accelerated.append(m.dot(phi_dot) - sigma_ddot + 2 * alpha * rate_residuals[-1] + alpha**2 * residuals[-1])
+        r, r_dot = phi - sigma, phi_dot - sigma_dot
+        rows.append((r, r_dot, m.dot(phi_dot) - sigma_ddot + 2 * alpha * r_dot + alpha**2 * r))
 
     for item in m.constraints:
-        keep(getattr(m, item.name), *(ca.SX(0),) * 3)
+        append_constraint(getattr(m, item.name), *(ca.SX(0),) * 3)
     for item in m.non_holonomic:
         rho = getattr(m, item.name)
-        residuals.append(rho)
-        rate_residuals.append(rho)
-        accelerated.append(m.dot(rho) + alpha * rho)
+        rows.append((rho, rho, m.dot(rho) + alpha * rho))
     for item in m.rheonomic_constraints:
-        keep(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
+        append_constraint(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
 
-    rows = stack(accelerated)
+    residuals, rate_residuals, accelerated = (stack(row[i] for row in rows) for i in range(3))
     first, last = len(m.constraints), len(m.passive_constraints)
-    matrix = ca.jacobian(rows, m.free.q_ddot)
+    matrix = ca.jacobian(accelerated, m.free.q_ddot)
     return Constraints(
         matrix=matrix,
         squares=_squared_coefficients(m, matrix),
-        targets=-ca.substitute(rows, m.free.q_ddot, zero),
-        residuals=stack(residuals),
-        rate_residuals=stack(rate_residuals),
-        holonomic=tuple(i for i in range(len(accelerated)) if not first <= i < last),
+        targets=-at_zero(accelerated, m.free.q_ddot),
+        residuals=residuals,
+        rate_residuals=rate_residuals,
+        holonomic=tuple(i for i in range(len(rows)) if not first <= i < last),
     )
 
 
 def _squared_coefficients(m: Mechanism, C: ca.SX) -> ca.SX:
-    """C², and the squares of its changes over the nominal size of each coordinate."""
+    """Squares of the entries of C, plus those of their changes over the nominal value of each coordinate (c, f)."""
     entries = stack(C[i, j] for i, j in zip(*C.sparsity().get_triplet(), strict=True))
     changes = ca.jacobian(entries, m.free.q) @ ca.diag(m.free.sizes)
     return ca.SX(C.sparsity(), entries**2 + ca.sum2(changes**2))
@@ -80,7 +74,7 @@ def _squared_coefficients(m: Mechanism, C: ca.SX) -> ca.SX:
 def constrained_velocities(
     m: Mechanism, metric: Inertia, loose: ca.SX, constraints: Constraints
 ) -> tuple[ca.SX, ca.SX]:
-    """Velocities that fulfil the holonomic constraints: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
+    """Velocities ẋ on the holonomic constraints and the correction Cᵀ μ of momenta: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
 
     Between two projections the stages of a solver leave the constraints.  Where these come close to a singular
     configuration (the rods of a parallelogram in line), the error of the velocities would be divided by the distance to
@@ -98,7 +92,7 @@ def constrained_velocities(
         ca.substitute(constraints.rate_residuals[rows, 0], q_dot, loose)
         + STABILISATION * constraints.residuals[rows, 0]
     )
-    correction, mu = metric.under(C, zero, -off, constraints.squares[rows, :])
+    correction, mu = metric.solve_constrained(C, zero, -off, constraints.squares[rows, :])
     return loose + correction, C.T @ mu
 
 
@@ -107,7 +101,7 @@ def multipliers(metric: Inertia, f: ca.SX, constraints: Constraints) -> ca.SX:
     C = constraints.matrix
     if C.shape[0] == 0:
         return ca.SX(0, 1)
-    return metric.under(C, f, constraints.targets, constraints.squares)[1]
+    return metric.solve_constrained(C, f, constraints.targets, constraints.squares)[1]
 
 
 def accelerations_by_gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tuple[ca.SX, ca.SX]:
@@ -126,7 +120,7 @@ def accelerations_by_gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tupl
 
 
 def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Constraints) -> ca.SX | None:
-    """State (x, p) projected onto the constraints by Newton's method in the metric A, and onto unit quaternions.
+    """State (x, p) on the constraints and with unit quaternions, projected by Newton's method in the metric A.
 
     :returns: column of configuration and momenta; None without constraints and orientations.
     """
@@ -138,20 +132,22 @@ def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Co
     # Holonomic constraints are linear in the rates: one full step is enough.
     rounds = ROUNDS if m.non_holonomic else min(C.shape[0], 1)
     for _ in range(rounds):
-        _, push = metric.under(C, zero, constraints.rate_residuals, constraints.squares, iterated=rounds == 1)
+        _, push = metric.solve_constrained(
+            C, zero, constraints.rate_residuals, constraints.squares, iterated=rounds == 1
+        )
         kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
         momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
     return ca.vertcat(on_constraints, momenta)
 
 
 def _projected_coordinates(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX:
-    """Coordinates moved onto the holonomic constraints and onto unit quaternions, by rounds of Newton's method."""
+    """Coordinates on the holonomic constraints and with unit quaternions, after Newton's method."""
     q, rows = m.free.q, list(constraints.holonomic)
     moved = _with_normalized_quaternions(m, q)
     if rows:
         C = constraints.matrix[rows, :]
         residuals, squares = constraints.residuals[rows, 0], constraints.squares[rows, :]
-        away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
+        away, _ = metric.solve_constrained(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
         step = _with_normalized_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):
             moved = ca.substitute(step, q, moved)

@@ -34,44 +34,36 @@ class Compliance:
     is_redundant: bool
 
     @classmethod
-    def regular(cls, G: ca.SX) -> Compliance:
-        """Of contacts that are independent wherever they are."""
+    def from_matrix(cls, G: ca.SX) -> Compliance:
+        """Compliance of contacts that are independent in all configurations."""
         return cls(G, ca.SX.eye(G.shape[0]), is_redundant=False)
 
     @classmethod
     def of_numbers(cls, numbers: Mapping[str, ca.SX]) -> Compliance:
-        """Of the numbers of contacts by name, as the function ``contact`` of a model returns them."""
+        """Compliance from the numbers of contacts that the function ``contact`` of a model returns, by name."""
         n = numbers["v"].numel()
         if "G" in numbers:
-            return cls.regular(ca.reshape(numbers["G"], n, n))
+            return cls.from_matrix(ca.reshape(numbers["G"], n, n))
         U, V = (numbers[name] for name in ("rates_by_momenta", "momenta_by_forces"))
         return cls(ca.reshape(U, n, U.numel() // n), ca.reshape(V, V.numel() // n, n), is_redundant=True)
 
     def numbers(self) -> dict[str, ca.SX]:
-        """Columns for the function ``contact`` by name."""
+        """Columns that the function ``contact`` of a model returns, by name."""
         if self.is_redundant:
             return {"rates_by_momenta": ca.vec(self.U), "momenta_by_forces": ca.vec(self.V)}
         return {"G": ca.vec(self.U)}
 
     @property
     def matrix(self) -> ca.SX:
-        """G."""
+        """Matrix G."""
         return self.U @ self.V
-
-    def element(self, row: int, column: int) -> ca.SX:
-        """Element of G."""
-        return self.U[row, :] @ self.V[:, column]
-
-    def diagonal(self) -> ca.SX:
-        """Diagonal of G, a column."""
-        return ca.sum2(self.U * self.V.T)
 
     def forces(
         self, rate: ca.SX, held: ca.SX, drag: ca.SX, normals: Sequence[int], target: ca.SX | float = 0.0
     ) -> tuple[ca.SX, ca.SX]:
-        """Forces x with rate + G x = target in what is held, and how far redundant contacts contradict each other.
+        """Forces x with rate + G x = target in rows that are held, and what redundant contacts miss of these (c,).
 
-        :param rate: of each contact without forces; x are impulses if these are velocities, else accelerations.
+        :param rate: of each contact without forces, a velocity if x are impulses, else an acceleration (c,).
         :param held: 1 where a contact is closed or sticks, else 0.
         :param drag: of what slides its force, or part of the force of its gap; else 0.
         :param normals: of each contact the index of the gap whose force bounds it, or -1.
@@ -86,7 +78,7 @@ class Compliance:
         free, held_rows = rate + U @ (V @ d), ca.diag(held)
         right = held * (target - free)
         if not self.is_redundant:
-            return P @ eliminated(held_rows @ U @ (V @ P) + ca.diag(1 - held), right) + d, ca.SX(n, 1)
+            return P @ solve_without_pivoting(held_rows @ U @ (V @ P) + ca.diag(1 - held), right) + d, ca.SX(n, 1)
         Q, lasting = orthonormal_columns(held_rows @ V.T)
         K = (Q.T @ U) @ (V @ (P @ Q)) + ca.diag(1 - lasting)
         wrong = held * free
@@ -94,9 +86,9 @@ class Compliance:
 
 
 def orthonormal_columns(matrix: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Orthonormal columns of the range of a matrix, no more than it has rows, 0 for some; whether each is not 0.
+    """Orthonormal columns that span the range of a matrix, at most as many as its rows; and 1 or 0 for each.
 
-    By Gram's and Schmidt's method; columns that depend on those before them become 0.
+    By Gram's and Schmidt's method; a column that depends on those before it becomes 0.
     """
     if matrix.shape[1] > matrix.shape[0]:
         matrix = matrix @ orthonormal_columns(matrix.T)[0]
@@ -112,8 +104,8 @@ def orthonormal_columns(matrix: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.horzcat(*columns), ca.vertcat(*lasting)
 
 
-def eliminated(K: ca.SX, right: ca.SX) -> ca.SX:
-    """Solution of K x = right by Gauss's elimination without pivoting: modes are chosen so that it needs none."""
+def solve_without_pivoting(K: ca.SX, right: ca.SX) -> ca.SX:
+    """Solution x of K x = right by Gauss's elimination; modes are chosen such that no pivot is 0."""
     n = K.shape[0]
     rows = [[*ca.horzsplit(K[i, :]), right[i]] for i in range(n)]
     for i in range(n):

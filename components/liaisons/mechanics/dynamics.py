@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import gradient, is_quadratic
+from liaisons.expressions.algebra import at_zero, gradient, is_quadratic
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia, inertia_of
@@ -24,7 +24,7 @@ class Dynamics:
     inertia: Inertia  # A
     velocities: ca.SX  # A⁻¹ (p − b), or by Newton's method (f,)
     convergence: ca.SX  # what must stay > 0 if they are right
-    pull: ca.SX  # Kᵀ ∂L/∂x (f,)
+    lagrangian_gradient: ca.SX  # Kᵀ ∂L/∂x (f,)
     bias: ca.SX  # A ẍ = bias + Q (f,)
     forward: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
 
@@ -40,30 +40,26 @@ def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Momentum and its inverse.
     p, metric = gradient(L, q_dot), inertia_of(m, L)
-    velocities, convergence = _velocities(m, L, metric)
-    pull = m.free.kinematics.T @ gradient(L, m.free.q)
-    # A ẍ = pull + Q less the part of d/dt ∂L/∂ẋ without ẍ.
-    bias = pull + _gyroscopic(m, p) - _at_rest(m.dot(p), q_ddot)
+    velocities, convergence = _velocities_and_margins(m, L, metric)
+    lagrangian_gradient = m.free.kinematics.T @ gradient(L, m.free.q)
+    # A ẍ = lagrangian_gradient + Q less the part of d/dt ∂L/∂ẋ without ẍ.
+    bias = lagrangian_gradient + _gyroscopic_forces(m, p) - at_zero(m.dot(p), q_ddot)
     p_s = gradient(L, s_dot)
-    resting = _at_rest(m.dot(p_s), q_ddot)
+    resting = at_zero(m.dot(p_s), q_ddot)
 
     def forward(on_free: ca.SX, on_active: ca.SX) -> tuple[ca.SX, ca.SX]:
         accelerations = metric.solve(bias + on_free)
         return accelerations, resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - on_active
 
-    return Dynamics(p, metric, velocities, convergence, pull, bias, forward)
+    return Dynamics(p, metric, velocities, convergence, lagrangian_gradient, bias, forward)
 
 
-def _velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
-    """Velocities from momenta, p = A ẋ + b where L is quadratic; and what must stay > 0 if they are right."""
+def _velocities_and_margins(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
+    """Velocities ẋ of the momenta, p = A ẋ + b where L is quadratic, else by Newton's method with its margins > 0."""
     p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
     if is_quadratic(L, q_dot):
-        return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
+        return metric.solve(p - at_zero(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
     return rates_from_momenta(L, q_dot, p), convergence_margins(L, q_dot, p, m.free.rate_sizes)
-
-
-def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:
-    return ca.substitute(expression, rates, ca.SX.zeros(rates.shape))
 
 
 def _by_recursion(m: Linkage) -> Dynamics:
@@ -81,8 +77,8 @@ def _by_recursion(m: Linkage) -> Dynamics:
         inertia=Inertia(A, A),
         velocities=recursion.rates(m.free.frame.T @ m.free.p),
         convergence=ca.SX(0, 1),
-        pull=recursion.pull + spring,
-        bias=spring - recursion.resistance,
+        lagrangian_gradient=recursion.lagrangian_gradient + spring,
+        bias=spring - recursion.bias_forces,
         forward=forward,
     )
 
@@ -93,8 +89,8 @@ def elastic_forces(m: Linkage) -> tuple[ca.SX, ca.SX]:
     return -m.free.kinematics.T @ gradient(elastic, m.free.q), -gradient(elastic, m.active.s)
 
 
-def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:
-    """The gyroscopic term ∂L/∂ω × ω of an orientation, whose momentum is written in the turning frame."""
+def _gyroscopic_forces(m: Mechanism, p: ca.SX) -> ca.SX:
+    """Gyroscopic terms ∂L/∂ω × ω of orientations, 0 for coordinates: momenta ∂L/∂ω are in the body frame (f,)."""
     count = len(m.coordinates)
     rates = (getattr(m, orientation.name).rate for orientation in m.orientations)
     turning = [ca.cross(p[count + 3 * i : count + 3 * i + 3], rate) for i, rate in enumerate(rates)]

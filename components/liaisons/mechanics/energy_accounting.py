@@ -16,7 +16,7 @@ its letter, the row of the number, and the output."""
 
 
 def memory_names(layout: Layout) -> tuple[str, ...]:
-    """Names of the numbers in the memory."""
+    """Names of the numbers in the memory of a model."""
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
@@ -32,7 +32,7 @@ def accounting_results(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """Results by name of the functions for memory, start, motion, outputs and the work of impulses.
+    """Results of functions of a model, with work, dissipated energy and the energy balance filled in, by name.
 
     :param vectors: symbols by letter, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).

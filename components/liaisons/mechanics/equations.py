@@ -107,24 +107,24 @@ class Equations:
 
     @property
     def state_rates(self) -> ca.SX:
-        """d/dt (q, p) for a solver, stabilised off the constraints; of orientations, that of the quaternion."""
+        """Rates d/dt (q, p) for a solver, q with quaternions of orientations, p with stabilisation of constraints."""
         free = self.mechanism.free
         return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.constraint_stabilization)
 
     @property
     def energy(self) -> ca.SX:
-        """E = T + V (K eq. 31)."""
+        """Energy E = T + V (K eq. 31)."""
         return self.kinetic_energy + self.potential_energy
 
     def in_motion(self, expression: ca.SX) -> ca.SX:
-        """Expression with accelerations and operator forces replaced by those of the equations."""
+        """Expression with the solutions for accelerations, operator forces and multipliers in place of symbols."""
         m = self.mechanism
         forces = ca.vertcat(m.active.force, m.multipliers)
         with_forces = ca.substitute(ca.SX(expression), forces, ca.vertcat(self.operator_forces, self.multipliers))
         return ca.substitute(with_forces, m.free.q_ddot, self.accelerations)
 
     def in_phase_space(self, expression: ca.SX) -> ca.SX:
-        """Expression with the rates q̇ replaced by velocities(q, p, s, ṡ), after :meth:`in_motion`."""
+        """Expression :meth:`in_motion` as a function of the state: with velocities(q, p, s, ṡ) in place of q̇."""
         return ca.substitute(self.in_motion(expression), self.mechanism.free.q_dot, self.velocities)
 
     def evaluate(self, quantity: str, **values: float) -> np.ndarray:
@@ -145,7 +145,7 @@ class Equations:
         return result[:, 0] if result.shape[1] == 1 else result
 
     def numbers(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Value of each symbol, in their order: from ``values``, else the default or 0.
+        """Number for each symbol by name: from ``values``, else its start value or 0.
 
         :raises ComponentError: for an unknown symbol.
         """
@@ -179,15 +179,15 @@ def derive(component: type[Mechanism]) -> Equations:
     rates = m.contact_rates()
     slips = rates[len(m.unilaterals) :, 0]
     lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
-    Q = applied - K.T @ gradient(lifting, q) - rubbing.against(q_dot)
-    Q_s = -gradient(lifting, s) - rubbing.against(s_dot)
+    Q = applied - K.T @ gradient(lifting, q) - rubbing.forces_against(q_dot)
+    Q_s = -gradient(lifting, s) - rubbing.forces_against(s_dot)
     if rates.shape[0]:
         Q += ca.jacobian(rates, q_dot).T @ m.contact_forces
         Q_s += ca.jacobian(rates, s_dot).T @ m.contact_forces
 
     dynamics = dynamics_of(m, L)
     metric, loose = dynamics.inertia, dynamics.velocities
-    force, f = dynamics.pull + Q, dynamics.bias + Q  # the latter: A ẍ = f
+    force, f = dynamics.lagrangian_gradient + Q, dynamics.bias + Q  # the latter: A ẍ = f
     constraints = differentiated_constraints(m)
     C = constraints.matrix
     velocities, mu = constrained_velocities(m, metric, loose, constraints)

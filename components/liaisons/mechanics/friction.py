@@ -17,13 +17,13 @@ class Dissipation:
 
     @property
     def function(self) -> ca.SX:
-        """Dissipation function D, η T + D′ [W]."""
+        """Dissipation function D = η T + D′ [W]."""
         return self.coefficient * self.kinetic_energy + self.further
 
-    def against(self, rates: ca.SX) -> ca.SX:
-        """∂D/∂q̇: the forces with which friction opposes these rates, a column."""
+    def forces_against(self, rates: ca.SX) -> ca.SX:
+        """Forces ∂D/∂q̇ with which friction opposes these rates, a column."""
         return self.coefficient * gradient(self.kinetic_energy, rates) + gradient(self.further, rates)
 
     def power(self, rates: ca.SX) -> ca.SX:
-        """Power Σ q̇ ∂D/∂q̇ that friction takes, negative where it drives; of η T it is 2 η T (K eq. 67)."""
+        """Power Σ q̇ ∂D/∂q̇ lost to friction, 2 η T of η T (K eq. 67); negative where friction drives."""
         return 2 * self.coefficient * self.kinetic_energy + ca.jtimes(self.further, rates, rates)

@@ -70,7 +70,7 @@ SIGNATURES: Mapping[str, Signature] = {
 
 
 def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, merge: bool = True) -> dict[str, Any]:
-    """CasADi functions with dense results: arguments of :class:`liaisons.mechanics.model.Model`.
+    """CasADi functions of a model from their results, by name: arguments of Model.
 
     :param vectors: symbols by letter, all SX or all MX.
     :param results: by the name of the function a result, several, or several by name; functions without are left out.
@@ -80,7 +80,7 @@ def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, m
 
 
 def results_of(name: str, function: ca.Function, vectors: Mapping[str, Any]) -> list[Any]:
-    """Results of a model's function, whose arguments are vectors by their letters."""
+    """Call a function of a model with vectors by their letters; return its results."""
     signature = SIGNATURES[name]
     letters = (signature.arguments + signature.optional)[: function.n_in()]
     return list(function.call([vectors[letter] for letter in letters]))

@@ -8,7 +8,7 @@ coordinates and on the point before.  With their rates ẇ as unknowns beside q�
 whose elimination from the leaves inward is the articulated-body method (Featherstone 2008, ch. 7).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,9 @@ from liaisons.language.mechanism import Mechanism
 MANY = 8
 """Degrees of freedom from which on a sparse system is tried."""
 
+
+_System = tuple[ca.SX, dict[int, set[int]]]
+"""Symmetric matrix, and for some unknowns those to be eliminated before them."""
 
 NEGLIGIBLE = 1e-10
 """Relative square of a constraint's gradient below which the constraint is redundant."""
@@ -39,7 +42,9 @@ class Inertia:
             return right / self.system
         return self._factored_system.solve(self._padded_with_zeros(right))[: self.matrix.shape[0], :]
 
-    def under(self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True) -> tuple[ca.SX, ca.SX]:
+    def solve_constrained(
+        self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True
+    ) -> tuple[ca.SX, ca.SX]:
         """Solution x, λ of A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
 
         Where C loses rank, C A⁻¹ Cᵀ is singular: (C A⁻¹ Cᵀ + S) λ = c - C A⁻¹ f is solved in its place, S diagonal and
@@ -86,16 +91,13 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     A = ca.hessian(lagrangian, m.free.q_dot)[0]
     if A.shape[0] < MANY or ca.depends_on(A, m.free.q_dot):
         return Inertia(A, A)
-    systems: list[tuple[ca.SX, dict[int, set[int]]]] = [(A, {})]
-    lifted = _lifted_system(m)
-    if lifted is not None:
-        systems.append(lifted)
+    systems: list[_System] = [(A, {}), *_lifted_systems(m)]
     # Products of the elimination, and a few for each entry.
     return Inertia(A, *min(systems, key=lambda x: elimination_order(x[0].sparsity(), x[1])[1] + 4 * x[0].nnz()))
 
 
-def _lifted_system(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
-    """System in (q̇, ẇ, π) and its order of pivots; None if no point carries a mass of its own."""
+def _lifted_systems(m: Mechanism) -> Iterator[_System]:
+    """Yield the system in (q̇, ẇ, π) if some points have masses of their own."""
     names = [point.name for point in m.points]
     while names:  # without those that carry no mass
         twin = m.with_symbolic_points(names)
@@ -104,14 +106,14 @@ def _lifted_system(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
         f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
         heavy = [f + i for i in range(w) if H.sparsity().has_nz(f + i, f + i)]
         if len(heavy) == w:
-            return _bordered_system(m, twin, H)
+            yield _bordered_system(m, twin, H)
+            return
         massive = {str(twin.placeholders.w_dot[i - f]) for i in heavy}
         names = [name for name in names if all(f"{name}_{axis}_dot" in massive for axis in getattr(m, name))]
-    return None
 
 
-def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> tuple[ca.SX, dict[int, set[int]]]:
-    """Hessian H in (q̇, ẇ) bordered by the conditions that tie ẇ to q̇, and its order of pivots."""
+def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> _System:
+    """System of the Hessian H in (q̇, ẇ), bordered by G, whose rows tie ẇ to q̇."""
     f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
     places = stack(value for name in twin.placeholders.names for value in getattr(type(m), name).method(twin).values())
     slope = ca.horzcat(ca.jacobian(places, m.free.q) @ m.free.kinematics, ca.jacobian(places, twin.placeholders.w))

@@ -18,7 +18,7 @@ CONVERGED = 1e-10
 
 
 def rates_from_momenta(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX) -> ca.SX:
-    """Rates at which ∂L/∂(rates) takes these values, (f,); not a number, or far off, where Newton's method fails."""
+    """Rates with these momenta, the solution v of ∂L/∂v = p (f,); not-a-number or far off if Newton's method fails."""
     function, slope = lagrangian - ca.dot(momenta, rates), momenta - gradient(lagrangian, rates)
     step = solve_symmetric(ca.hessian(lagrangian, rates)[0], slope)
     solved = ca.SX.zeros(rates.shape)
@@ -35,7 +35,7 @@ def rates_from_momenta(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX) -> ca.SX
 
 
 def convergence_margins(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX, sizes: ca.DM) -> ca.SX:
-    """Margins that stay > 0 where rates and momenta belong together and Newton's method has converged, (f,).
+    """Margins of convergence, > 0 where the rates have these momenta (f,).
 
     :param sizes: nominal values of the rates (f,).
     """

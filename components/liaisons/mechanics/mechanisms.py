@@ -14,9 +14,8 @@ from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import accounting_results, memory_names
 from liaisons.mechanics.equations import Equations, derive
-from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.legendre import CHOSEN, FULL
-from liaisons.mechanics.model import Model, described, domain_conditions
+from liaisons.mechanics.model import Model, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_linkage, of_mechanism
@@ -78,24 +77,15 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     )
     results |= {"conditions": distances, "events": ca.SX(0, 1)}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
-    conditions = dict(zip((*lasting, *at_start), ca.vertsplit(distances), strict=True))
-    if contacts:
-        numbers = dict(zip(numbers, columns, strict=True))
-        modes = ContactModes(contacts, vectors, results, numbers, flat, memory=memory)
-        conditions = modes.painleve_conditions() | conditions
-        functions = modes.functions(stack(conditions.values()))
-    else:
-        functions = model_functions(vectors, results)
+    texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
+    modes = ContactModes(contacts, vectors, results, numbers, flat, memory, texts)
     return Model(
-        **described(m),
-        memory=memory,
-        **functions,
-        condition_texts=tuple(conditions),
+        **declared_fields(m),
+        **modes.functions(),
         start_only=len(at_start),
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
-        contacts=contacts,
     )
 
 
@@ -107,7 +97,7 @@ def _is_printed_by_frames(m: Mechanism, equations: Equations) -> TypeGuard[Linka
 def _output_expressions(
     equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]
 ) -> dict[str, ca.SX]:
-    """Expressions by the names of variables, without those of the energy balance."""
+    """Expressions of the output variables by name, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
     forces = equations.operator_forces, m.active.s_dot
     points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
@@ -119,7 +109,10 @@ def _output_expressions(
 
 
 def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.SX], ca.SX]:
-    """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start; of a free linkage the energy."""
+    """Start values of configuration, momenta and internal states; and of the energy, (1,) or (0,) for not.
+
+    Momenta are ∂L/∂q̇, or as set for an orientation; the energy is that of a linkage without constraints.
+    """
     m, count = equations.mechanism, len(equations.mechanism.coordinates)
 
     def start(column: ca.SX) -> ca.SX:
@@ -138,7 +131,7 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
 
 
 def _nominal_states(equations: Equations) -> ca.SX:
-    """Nominal values of the states: q as declared, p and energies at a rate of one nominal q a second."""
+    """Nominal values of the states: of q as declared, of p and energies at rates of one nominal q a second."""
     free, internal = equations.mechanism.free, equations.mechanism.internal
     sizes, inertia = free.rate_sizes, ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2 if inertia.shape[0] else ca.SX(1)  # all coordinates may be prescribed
@@ -146,7 +139,7 @@ def _nominal_states(equations: Equations) -> ca.SX:
 
 
 def _conditions(equations: Equations) -> dict[str, ca.SX]:
-    """Expressions that must stay positive, by the message for a violation."""
+    """Expressions that must stay > 0, by the message for a violation."""
     m = equations.mechanism
     conditions = {item.description: m.expression_of(item) for item in m.assertions}
     for q in m.coordinates:
@@ -157,7 +150,7 @@ def _conditions(equations: Equations) -> dict[str, ca.SX]:
 
 
 def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
-    """Expressions that must stay positive at the start alone: consistency with the constraints."""
+    """Expressions that must be > 0 at the start alone, for consistency with constraints, by message."""
     conditions: dict[str, ca.SX] = {}
     m, constraints = equations.mechanism, equations.constraints
     rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)

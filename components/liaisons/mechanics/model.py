@@ -15,7 +15,7 @@ An FMU back end needs nothing else of a component.  The vectors, always in this 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -79,8 +79,8 @@ class LookupTable:
     events: ca.Function | None = None
 
     @property
-    def seen(self) -> int:
-        """Count of the numbers of two rows that functions read."""
+    def numbers_read(self) -> int:
+        """Count of the numbers that functions read: of two rows at each time."""
         return 2 * sum(map(len, self.lookups))
 
 
@@ -105,6 +105,10 @@ class Contact:
     def variable(self, ending: str) -> str:
         """Name of a variable of the contact with this ending."""
         return suffixed(self.name, f"_{ending}")
+
+    def renamed(self, rename: Callable[[str], str]) -> Contact:
+        """The contact with new names of itself, and of the unilateral liaison that bounds it."""
+        return Contact(rename(self.name), self.friction, self.normal and rename(self.normal))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +152,7 @@ class Model(Layout):
 
     @property
     def indicators(self) -> tuple[str, ...]:
-        """Names of the event indicators, which are one or arrays."""
+        """Names of the event indicators; of an array its own name."""
         own = {v.name for v in self.outputs}
         names = (contact.variable("indicator") for contact in self.contacts)
         return tuple(dict.fromkeys(name if name in own else split(name)[0] for name in names))
@@ -174,7 +178,7 @@ class Model(Layout):
 
 
 def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]:
-    """Expressions that stay > 0 in the domain of a variable, by the message of a violation."""
+    """Expressions that are > 0 in the domain of a variable, by the message for a violation."""
     conditions = {}
     if item.minimum is not None:
         conditions[f"{item.name} must stay > {item.minimum:g} {item.unit}"] = value - item.minimum
@@ -184,7 +188,7 @@ def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]
 
 
 def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:
-    """Names of unilateral liaisons and dry frictions."""
+    """Names of the unilateral liaisons, then of the dry frictions."""
     if isinstance(subject, Model):
         return tuple(contact.name for contact in subject.contacts)
     kinds = (getattr(subject, kind, ()) for kind in ("unilaterals", "dry_frictions"))
@@ -194,7 +198,7 @@ def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:
 def refuse_contacts(
     subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
 ) -> None:
-    """Raise an error for unilateral liaisons and dry friction.
+    """Raise an error if a component has unilateral liaisons or dry friction.
 
     :param task: what takes none, as ``"an ensemble"``.
     """
@@ -207,13 +211,13 @@ def refuse_contacts(
 def refuse_samples(
     subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
 ) -> None:
-    """Raise an error for an operator that reads its inputs at samples: its equations are those between them."""
+    """Raise an error if a component is sampled: its equations hold between samples only."""
     if isinstance(subject, type) and subject.is_sampled():
         raise error(f"{subject.__name__}: {task} takes no samples of inputs; {remedy}")
 
 
-def described(instance: Component) -> dict[str, Any]:
-    """Fields of Model that come from the declarations: names, variables, documentation."""
+def declared_fields(instance: Component) -> dict[str, Any]:
+    """Fields of Model that a component declares, by name: variables, documentation, experiment."""
     component = type(instance)
     return {
         "name": component.__name__,

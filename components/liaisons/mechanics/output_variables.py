@@ -18,7 +18,7 @@ def mechanical_outputs(
     points: Mapping[str, Sequence[ca.SX]],
     energies: tuple[ca.SX, ca.SX],
 ) -> dict[str, ca.SX]:
-    """Expressions by the names of variables, without those of the energy balance.
+    """Expressions of the output variables by name, without those of the energy balance.
 
     :param rates: of the states, in the order of the layout.
     :param forces: of the active coordinates λ (M eq. 27) and the rates σ̇, columns.
@@ -36,7 +36,7 @@ def mechanical_outputs(
 
 
 def contact_outputs(m: MechanicalComponent, gaps: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
-    """Expressions of unilateral liaisons, their rates and relative velocities of dry friction, by name.
+    """Expressions of the outputs of contacts by name: gaps, their rates, relative velocities.
 
     :param rates: of the unilateral liaisons, then the relative velocities.
     """

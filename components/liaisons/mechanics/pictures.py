@@ -18,7 +18,7 @@ from liaisons.language.variables import Variable, element
 
 _NEWER = {"rope", "floor", "flash"}  # than version 1.0 of resources/picture.json
 
-MOST_LINKS = 200
+_MOST_DRAWN_LINKS = 200
 """Of a longer chain the first ones are drawn."""
 
 _DRAWN = "picture"
@@ -34,7 +34,7 @@ class Drawing:
     expressions: list[ca.SX] = field(default_factory=list)
 
     def number_or_variable(self, value: Any) -> float | str:
-        """Number, or name of the variable with this value, a new one if need be."""
+        """Number of a constant; else name of the variable with this value, which is appended if there is none."""
         expression = ca.SX(value)
         if expression.is_constant():
             return float(expression)
@@ -45,7 +45,7 @@ class Drawing:
         return self.names[identity]
 
     def add(self, m: MechanicalComponent, shapes: Iterable[Shape], named: Named) -> None:
-        """Append shapes to the content of the file.
+        """Append shapes, with the numbers and names of variables that ``named`` returns for their coordinates.
 
         :raises ComponentError: if one holds what is no scalar, or names no unilateral liaison.
         """
@@ -65,13 +65,13 @@ class Drawing:
 
     @property
     def document(self) -> Mapping[str, Any]:
-        """Content of the file."""
+        """Content of ``resources/picture.json``."""
         newer = any(shape["shape"] in _NEWER for shape in self.shapes)
         return {"version": "1.1" if newer else "1.0", "shapes": self.shapes}
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """New variables: scalars, since importers of FMI 3.0 fail at local arrays."""
+        """Variables that the picture alone needs: scalars, since importers of FMI 3.0 fail at local arrays."""
         text = "coordinate that only the picture needs, calculated when it is read"
         names = (element(_DRAWN, i) for i in range(1, len(self.expressions) + 1))
         return tuple(Variable(name, units.ANY, text, "local", "continuous") for name in names)
@@ -102,7 +102,7 @@ def chain_picture(
     of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
     names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in variables.items()}
     joint: list[tuple[float | str, ca.SX]] = []
-    for number in range(1, min(n, MOST_LINKS) + 1):
+    for number in range(1, min(n, _MOST_DRAWN_LINKS) + 1):
         link = _Link(number, names, drawing, [(m.number, ca.SX(number))])
         for name, vector in vectors.items():
             places = zip(vector.offsets(n), vector.each, strict=False)
@@ -128,7 +128,7 @@ class _Link:
     joint: dict[int, float | str] = field(default_factory=dict)  # names where it begins
 
     def number_or_variable(self, value: Any) -> float | str:
-        """Number, or name of the variable with this value."""
+        """Number of a constant; else name of the variable with this value at this link."""
         identity = ca.SX(value).element_hash()
         if identity in self.joint:
             return self.joint[identity]
@@ -138,17 +138,17 @@ class _Link:
         return self.drawing.number_or_variable(substituted(ca.SX(value), self.pairs))
 
     def ends(self, places: Mapping[str, ca.SX]) -> list[tuple[float | str, ca.SX]]:
-        """Name and expression of each component of a joint."""
+        """Number or variable, and expression in whole vectors, of each component of a joint."""
         return [(self.number_or_variable(x), substituted(ca.SX(x), self.pairs)) for x in places.values()]
 
     def set_joint(self, w: ca.SX, ends: Iterable[tuple[float | str, ca.SX]]) -> None:
-        """Set the joint at which the link begins; none at a free end."""
+        """Set the components of the joint at which the link begins; none at a free end."""
         for symbol, (name, expression) in zip(ca.vertsplit(w), ends, strict=False):
             self.joint[symbol.element_hash()] = name
             self.pairs.append((symbol, expression))
 
 
 def _depends_on_joint(shape: Shape, m: Chain) -> bool:
-    """Whether a shape depends on the joint, which the first link of a free end lacks."""
+    """Whether a shape of a link ends at its joint, which the first link of a free end lacks."""
     places = (shape.start, shape.end) if isinstance(shape, Rod | Spring | Rope) else ()
     return any(ca.depends_on(ca.SX(component), m.w) for position in places for component in position.values())

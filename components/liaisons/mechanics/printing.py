@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import gradient, solve_symmetric, stack
+from liaisons.expressions.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
@@ -33,7 +33,7 @@ _TOGETHER = 3
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
-    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs, as equations."""
+    """Equations of a mechanism: Lagrangian, momenta, motion, constraints, contacts, operators' forces, outputs."""
     m = equations.mechanism
     count, actives = len(m.coordinates), [s.name for s in m.actives]
     names, rates, momenta = (list(map(str, ca.vertsplit(x))) for x in (m.free.q, m.free.q_dot, m.free.p))
@@ -58,7 +58,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
 
 
 def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
-    """Motion of a linkage by recursion over its frames, as equations a frame, however long the chain."""
+    """Equations of a linkage by recursion over its frames, short ones for each frame."""
     rows: list[Equation] = []
 
     def share(letter: str, i: int, vector: ca.SX) -> ca.SX:
@@ -70,19 +70,19 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     recursion = Recursion(m, share)
     momenta = [f"p_{rate}".removesuffix("_dot") for rate in ca.vertsplit(m.free.q_dot)]
     on_free = equations.applied_forces[: m.free.q_dot.shape[0], 0]
-    unloaded = ca.substitute(on_free, equations.point_loads, ca.SX.zeros(equations.point_loads.shape))
-    pull, applied = recursion.pull, unloaded + elastic_forces(m)[0]
+    unloaded = at_zero(on_free, equations.point_loads)
+    slope, applied = recursion.lagrangian_gradient, unloaded + elastic_forces(m)[0]
     return (
         *rows,
         *_row_equations("momenta", momenta, recursion.generalised_momenta),
-        *_row_equations("motion", [f"{name}_dot" for name in momenta], pull + applied),
+        *_row_equations("motion", [f"{name}_dot" for name in momenta], slope + applied),
         *_constraint_equations(equations),
         *_contact_equations(equations),
     )
 
 
 def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
-    """Signal of an operator, rates of the internal states, and discrete states after a sample, as equations."""
+    """Equations of an operator or sampled component: signal, rates of internal states, updates at samples."""
     arrays = any(isinstance(p, ParameterArray) for p in m.parameters)  # a choice among many is no formula
     names = (f"{x.name}_dot" for x in m.internal_states)
     return (
@@ -93,7 +93,7 @@ def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:
-    """Energies of a link, and the joint of the next one."""
+    """Equations of a link of a chain: energies, joint of the next link, points, contacts."""
     base = chain.base() or {}
     dissipated = ca.SX(chain.friction_coefficient()) * ca.SX(chain.kinetic_energy())
     dissipated += ca.SX(chain.dissipation_function()) + ca.SX(chain.bond_dissipation())
@@ -117,7 +117,7 @@ def _dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
 
 
 def of_operators(equations: Equations) -> tuple[Equation, ...]:
-    """Power of each operator, and multipliers of the constraints solved for, as equations."""
+    """Equations of the operators: power of each, and multipliers of constraints as solved for."""
     m, lambdas = equations.mechanism, _solved_multipliers(equations)
     powers = _row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
     names = [f"lambda_{item.name}" for item in m.passive_constraints]
@@ -126,7 +126,7 @@ def of_operators(equations: Equations) -> tuple[Equation, ...]:
 
 
 def _solved_multipliers(equations: Equations) -> ca.SX | None:
-    """Multipliers λ of all constraints, without the solver's stabilisation; None for none or too many."""
+    """Multipliers λ of all constraints, without stabilisation (c,); None if there are no constraints, or many."""
     A, C = equations.mass_matrix, equations.constraints.matrix
     if not 0 < C.shape[0] <= _TOGETHER:
         return None
@@ -135,11 +135,11 @@ def _solved_multipliers(equations: Equations) -> ca.SX | None:
 
 
 def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
-    """Accelerations solved for, then A and h of A ẍ + h = 0; λ are symbols, drives and loads vanish."""
+    """Equations of accelerations, and of A and h in A ẍ + h = 0, with symbols λ, without drives and loads."""
     m, A = equations.mechanism, equations.mass_matrix
     alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
     C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[m.active.adapted :, 0])
-    forces = ca.substitute(equations.forces + C.T @ lambdas, alone, ca.SX.zeros(alone.shape))
+    forces = at_zero(equations.forces + C.T @ lambdas, alone)
     names = [q.name for q in m.coordinates]
     turns = [rate for orientation in m.orientations for rate in orientation.rates]
     accelerations = [suffixed(name, "_ddot") for name in names] + [suffixed(rate, "_dot") for rate in turns]
@@ -158,7 +158,7 @@ def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
 
 
 def _solved_accelerations(A: ca.SX, forces: ca.SX) -> ca.SX:
-    """Product A⁻¹ forces; of two rates by Cramer's rule, which people write."""
+    """Accelerations A⁻¹ forces; of two coupled rates by Cramer's rule, as on paper."""
     if A.shape != (2, 2) or not A.sparsity().has_nz(0, 1):
         return solve_symmetric(A, forces)
     over = ca.vertcat(A[1, 1] * forces[0] - A[0, 1] * forces[1], A[0, 0] * forces[1] - A[0, 1] * forces[0])
@@ -166,7 +166,7 @@ def _solved_accelerations(A: ca.SX, forces: ca.SX) -> ca.SX:
 
 
 def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
-    """Hamiltonian H of all coordinates, prescribed ones included, and canonical equations (M eq. 36-38).
+    """Equations of the Hamiltonian H of all coordinates, prescribed ones, too, and canonical ones (M eq. 36-38).
 
     :raises ComponentError: where Legendre's transformation does not exist.
     """
@@ -185,7 +185,7 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
             "that no Hamiltonian of all momenta exists"
         )
     p = ca.vertcat(m.free.p, stack(ca.SX.sym(f"p_{s.name}") for s in m.actives))
-    still = ca.substitute(ca.vertcat(momenta, L), rates, ca.SX.zeros(rates.shape))
+    still = at_zero(ca.vertcat(momenta, L), rates)
     moving = p - still[:-1]
     solved = solve_symmetric(metric, moving)
     pulled = ca.substitute(gradient(L, x), rates, solved)  # -∂H/∂x by Legendre's transformation
@@ -205,7 +205,7 @@ def _generic_rank(matrix: ca.SX) -> int:
 
 
 def _force_balances(equations: Equations) -> ca.SX:
-    """∂L/∂x + Q in free rows; below, with ẍ and λ as symbols, d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s of active coordinates."""
+    """Forces ∂L/∂x + Q on free coordinates; below, d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s on active ones, with symbols ẍ and λ."""
     m, L = equations.mechanism, equations.lagrangian
     s, s_dot = m.active.s[: m.active.adapted, 0], m.active.s_dot[: m.active.adapted, 0]
     count = m.free.q_dot.shape[0]

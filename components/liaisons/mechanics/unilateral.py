@@ -20,59 +20,68 @@ Source: docs/explanation/unilateral.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
 
 from liaisons.base.array_names import split
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
-from liaisons.language.declarations import Orientation
+from liaisons.expressions.algebra import at_zero, stack, term_sizes
+from liaisons.language.declarations import Orientation, dry_friction
 from liaisons.language.layout import Layout
+from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.mechanism import Mechanism
+from liaisons.language.variables import element
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.model import Contact, Model
 
 OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
-"""Parts of its scale by which an event indicator is below the number that it watches when it crosses 0."""
+"""Margins, relative to the scale of a number, by which it is beyond 0 when its event indicator crosses 0."""
 
 SAME = 1e-10
-"""Part of its scale by which the acceleration of a redundant contact may contradict those of others."""
+"""Largest contradiction between the accelerations of redundant contacts, relative to their scale."""
 
 MOST_CONTACTS, _SAMPLES = 64, 5
-"""Of one model, as in complementarity.h; configurations in which it is looked for contacts that depend on others."""
+"""Of one model, as in complementarity.h; and configurations in which redundant contacts are sought."""
 
 LEAVING = 1e-3
-"""Part of the rate of a gap that grows in its indicator: an importer's error right after an impact is no event."""
+"""Factor of the rate of a growing gap in its indicator, so that errors right after an impact are no event."""
 
 MOST_LINKS = 300
-"""Links of a chain that has contacts, or is beside some, at most: its equations have no loops."""
+"""Most links of a chain in a model with contacts: its equations have no loops."""
 
 CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
     **dict.fromkeys(("v", "a", "rate_scale", "acceleration_scale"), (False, True)),
     **dict.fromkeys(("gap", "scale", "restitution"), (False,)),
     **dict.fromkeys(("stick", "slide"), (True,)),
 }
-"""Numbers by which modes are chosen, as in core.h, and the values of ``friction`` of the contacts that they are of."""
+"""Numbers by which modes are chosen, as in core.h; False if gaps have them, True if dry frictions do."""
 
 
-def contacts_of(m: Mechanism) -> tuple[Contact, ...]:
-    """The contacts of a mechanism: unilateral liaisons, then dry friction.
+def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
+    """Contacts of a component, unilateral liaisons before dry friction; in a chain one a link, or of the last alone.
 
-    :raises ComponentError: for more than :data:`MOST_CONTACTS`.
+    :raises ComponentError: for more than :data:`MOST_CONTACTS`, or than :data:`MOST_LINKS` of a chain with contacts.
     """
-    contacts = (
-        *(Contact(item.name) for item in m.unilaterals),
-        *(Contact(item.name, friction=True, normal=item.normal or "") for item in m.dry_frictions),
-    )
-    refuse_many(type(m).__name__, contacts)
-    return contacts
+    name, links, contacts = type(m).__name__, m.sizes["n"] if m.dimension else 0, list[Contact]()
+    for item in m.contact_formulas:
+        is_friction = isinstance(item, dry_friction)
+        contact = Contact(item.name, is_friction, (is_friction and item.normal) or "")
+        numbers = range(1, links + 1)
+        each = [contact.renamed(partial(element, index=i)) for i in numbers if not item.last]
+        contacts += each or [contact]
+    refuse_many_contacts(name, contacts)
+    if contacts:
+        refuse_long_chain(name, links)
+    return tuple(contacts)
 
 
-def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
+def refuse_many_contacts(name: str, contacts: Sequence[Contact]) -> None:
     """Raise a ComponentError for more than :data:`MOST_CONTACTS` of a component."""
     if len(contacts) > MOST_CONTACTS:
         names = ", ".join(dict.fromkeys(split(contact.name)[0] for contact in contacts))
@@ -81,7 +90,7 @@ def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
         )
 
 
-def refuse_long(name: str, links: int) -> None:
+def refuse_long_chain(name: str, links: int) -> None:
     """Raise a ComponentError for more than :data:`MOST_LINKS` of a chain with contacts, or beside them."""
     if links > MOST_LINKS:
         raise ComponentError(
@@ -92,7 +101,7 @@ def refuse_long(name: str, links: int) -> None:
 def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     """Columns of :data:`CONTACT_NUMBERS` of a mechanism, by name.
 
-    A scale is the sum of the terms of a number, from which rounding errors are told.
+    A scale is the sum of the absolute terms of a number, with which its rounding errors are compared.
     """
     free, active = m.free, m.active
     gaps = stack(ca.SX(getattr(m, item.name)) for item in m.unilaterals)
@@ -100,17 +109,24 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     accelerations = m.dot(rates)
     along, across = ca.jacobian(rates, free.q_dot), ca.jacobian(rates, active.s_dot)
     rest = accelerations - along @ free.q_ddot - across @ active.s_ddot
-    forced = ca.fabs(along) @ ca.fabs(free.q_ddot) + ca.fabs(across) @ ca.fabs(active.s_ddot) + ca.fabs(rest)
+    forced = term_sizes(along, free.q_ddot) + term_sizes(across, active.s_ddot) + ca.fabs(rest)
     nominal = ca.fabs(along) @ free.rate_sizes
     moved = free.sizes + ca.fabs(free.q)
-    prescribed = ca.fabs(ca.jacobian(gaps, active.s)) @ ca.fabs(active.s)
+    prescribed = term_sizes(ca.jacobian(gaps, active.s), active.s)
     return {
         "v": rates,
         "a": accelerations,
-        "rate_scale": ca.fabs(along) @ ca.fabs(free.q_dot) + nominal + ca.fabs(across) @ ca.fabs(active.s_dot),
+        "rate_scale": term_sizes(along, free.q_dot) + nominal + term_sizes(across, active.s_dot),
         "acceleration_scale": forced + 1e-3 * nominal,
         "gap": gaps,
         "scale": ca.fabs(ca.jacobian(gaps, free.q)) @ moved + prescribed,
+        **contact_thresholds(m),
+    }
+
+
+def contact_thresholds(m: MechanicalComponent) -> dict[str, ca.SX]:
+    """Columns of the restitutions, and of what bounds dry friction, by their names in :data:`CONTACT_NUMBERS`."""
+    return {
         "restitution": stack(m.threshold(item.restitution or "") for item in m.unilaterals),
         "stick": stack(m.threshold(item.static) for item in m.dry_frictions),
         "slide": stack(m.threshold(item.sliding) for item in m.dry_frictions),
@@ -118,87 +134,112 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
 
 
 def impulsive_operators(model: Model | ContactModes) -> list[str]:
-    """Names of the active coordinates whose impulses are summed in the memory."""
+    """Names of the active coordinates at whose operators impacts have impulses, which the memory sums."""
     gaps = {c.variable("impulse") for c in model.contacts}
     return [name.removesuffix("_impulse") for name in model.memory if name.endswith("_impulse") and name not in gaps]
 
 
+@final
+@dataclass(frozen=True, eq=False)
 class ContactModes:
-    """Functions of a model whose contacts are in the modes that its memory holds.
+    """Functions of a model whose contacts, if it has some, are in the modes that its memory holds.
 
     :param contacts: unilateral liaisons, then dry friction.
     :param vectors: t, y, u, k, m and the contact forces x, by letter.
-    :param results: of the functions under given contact forces, see :func:`model_functions`.
+    :param forced: results of the functions under given contact forces, see :func:`model_functions`.
     :param numbers: see :func:`contact_numbers`.
     :param layout: without arrays.
+    :param memory: names of its numbers.
+    :param condition_texts: one for each row of the result ``conditions``.
     """
 
-    def __init__(
-        self,
-        contacts: tuple[Contact, ...],
-        vectors: Mapping[str, ca.SX],
-        results: Mapping[str, Any],
-        numbers: Mapping[str, ca.SX],
-        layout: Layout,
-        *,
-        memory: Sequence[str],
-    ) -> None:
-        self.contacts, self._vectors, self._forced, self._numbers = contacts, vectors, results, numbers
-        self._states, self.memory = [state.name for state in layout.states], memory
-        outputs = (v.name for v in layout.outputs)
-        self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
-        self._gaps, self._frictions = ([c for c in contacts if c.friction is friction] for friction in (False, True))
-        self._compliance = self._compliance_of(layout)
-        rows = {"v": numbers["v"], "a": numbers["a"], **self._compliance.numbers()} | dict(numbers)
-        self._rows = {name: self._without_contact_forces(column) for name, column in rows.items()}
-        self._forces, self._indicators = self._forces_and_indicators()
+    contacts: tuple[Contact, ...]
+    vectors: Mapping[str, Any]
+    forced: Mapping[str, Any]
+    numbers: Mapping[str, ca.SX]
+    layout: Layout
+    memory: tuple[str, ...]
+    condition_texts: tuple[str, ...]
 
-    def functions(self, conditions: ca.SX) -> dict[str, Any]:
-        """All functions of the model."""
-        forced, outputs = self._forced, self._outputs | self._outputs_by_modes()
-        loaded = {
-            name: self._with_contact_forces(value)
-            for name, value in forced.items()
-            if name != "start" and value is not None
-        }
-        impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self._gaps))
-        results = loaded | {
-            "start": tuple(map(self._without_contact_forces, forced["start"])),
-            "outputs_function": self._with_contact_forces(stack(outputs.values())),
-            "conditions": self._with_contact_forces(conditions),
-            "contact": self._rows,
-            "indicate": self._with_contact_forces(self._indicators),
-            "push": self._after_impulses(impulses, shifts),
-            "forced_motion": {name: forced[name] for name in ("derivatives", "outputs_function")} | dict(self._numbers),
-        }
-        return model_functions({**self._vectors, "Λ": impulses, "ν": shifts}, results)
+    def functions(self) -> dict[str, Any]:
+        """Functions of the model, and what belongs to them: arguments of :class:`liaisons.mechanics.model.Model`."""
+        vectors, results, texts, forced = self.vectors, self.forced, self.condition_texts, self.forced
+        if self.contacts:
+            painleve, (_, indicators) = self._painleve_conditions(), self._forces_and_indicators
+            texts = (*painleve, *texts)
+            loaded = {
+                name: self._with_contact_forces(value)
+                for name, value in forced.items()
+                if name != "start" and value is not None
+            }
+            impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self._gaps))
+            vectors = {**vectors, "Λ": impulses, "ν": shifts}
+            motion = {name: forced[name] for name in ("derivatives", "outputs_function")}
+            results = loaded | {
+                "start": tuple(map(self._without_contact_forces, forced["start"])),
+                "outputs_function": self._with_contact_forces(
+                    stack((self._outputs | self._outputs_by_modes()).values())
+                ),
+                "conditions": self._with_contact_forces(ca.vertcat(*painleve.values(), forced["conditions"])),
+                "contact": self._rows,
+                "indicate": self._with_contact_forces(indicators),
+                "push": self._state_and_operator_impulses(impulses, shifts),
+                "forced_motion": motion | dict(self.numbers),
+            }
+        functions = model_functions(vectors, results)
+        return {**functions, "condition_texts": texts, "memory": self.memory, "contacts": self.contacts}
 
-    def painleve_conditions(self) -> dict[str, ca.SX]:
-        """Expressions that stay > 0, by message, if each pressing force pushes apart, also while sliding."""
-        conditions = {}
+    @property
+    def _gaps(self) -> list[Contact]:
+        """The unilateral liaisons."""
+        return [contact for contact in self.contacts if not contact.friction]
+
+    @property
+    def _frictions(self) -> tuple[Contact, ...]:
+        """The dry frictions."""
+        return self.contacts[len(self._gaps) :]
+
+    @property
+    def _outputs(self) -> dict[str, ca.SX]:
+        """Outputs under given contact forces, by name."""
+        return dict(
+            zip((v.name for v in self.layout.outputs), ca.vertsplit(self.forced["outputs_function"]), strict=True)
+        )
+
+    @cached_property
+    def _rows(self) -> dict[str, ca.SX]:
+        """Results of the function ``contact``, by name: numbers without contact forces, and the compliance."""
+        rows = {"v": self.numbers["v"], "a": self.numbers["a"], **self._compliance.numbers()} | dict(self.numbers)
+        return {name: self._without_contact_forces(column) for name, column in rows.items()}
+
+    def _painleve_conditions(self) -> dict[str, ca.SX]:
+        """Expressions that stay > 0, by message, while each normal force pushes apart under sliding friction, too."""
+        conditions, G = {}, self._compliance.matrix
         for i, c in enumerate(self._frictions):
             if c.normal:
                 n, row = self._gap_index(c), len(self._gaps) + i
-                coefficient = self._memory_of(c, "direction") * self._numbers["slide"][i]
+                coefficient = self._memory_of(c, "direction") * self.numbers["slide"][i]
                 text = f"{c.normal} must have one force while {c.name} slides (Painlevé)"
-                G = self._compliance.element
-                conditions[text] = 1 - coefficient * G(n, row) / G(n, n)
+                conditions[text] = 1 - coefficient * G[n, row] / G[n, n]
         return conditions
 
-    def _compliance_of(self, layout: Layout) -> Compliance:
-        """The Delassus matrix, in two factors where contacts are redundant: near the start, or where all gaps are 0."""
-        t, y, u, k, x = (self._vectors[letter] for letter in "tyukx")
-        regular = Compliance.regular(ca.jacobian(self._numbers["a"], x))
+    @cached_property
+    def _compliance(self) -> Compliance:
+        """Delassus matrix; in two factors if contacts are redundant near the start or near closed gaps."""
+        t, y, u, k, x = (self.vectors[letter] for letter in "tyukx")
+        regular = Compliance.from_matrix(ca.jacobian(self.numbers["a"], x))
         if len(self.contacts) < 2:
             return regular
-        U, V = ca.jacobian(self._numbers["v"], y), ca.jacobian(self._forced["derivatives"], x)
+        U, V = ca.jacobian(self.numbers["v"], y), ca.jacobian(self.forced["derivatives"], x)
         moved = sorted({*V.sparsity().row()} & {*U.sparsity().get_col()})
         factors = Compliance(U[:, moved], V[moved, :], is_redundant=True)
-        gap = self._without_contact_forces(self._numbers["gap"])
-        starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self._forced["start"][0])])
+        gap = self._without_contact_forces(self.numbers["gap"])
+        starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self.forced["start"][0])])
         results = [self._without_contact_forces(factors.matrix), gap, ca.jacobian(gap, y)]
         point = ca.Function("point", [t, y, u, k], results)
-        values = [np.array([v.start for v in group], dtype=float) for group in (layout.inputs, layout.parameters)]
+        values = [
+            np.array([v.start for v in group], dtype=float) for group in (self.layout.inputs, self.layout.parameters)
+        ]
         first, random = starts(0, *values).full().ravel(), np.random.default_rng(0)
         for _ in range(_SAMPLES):
             near = first + 0.1 * random.normal(size=first.shape)
@@ -212,35 +253,36 @@ class ContactModes:
         return regular
 
     def _with_contact_forces(self, expression: ca.SX) -> ca.SX:
-        """Expression with the contact forces of the modes for their symbols."""
-        return ca.substitute(expression, self._vectors["x"], self._forces)
+        """Expression with the contact forces of the modes in place of symbols."""
+        return ca.substitute(expression, self.vectors["x"], self._forces_and_indicators[0])
 
     def _without_contact_forces(self, expression: ca.SX) -> ca.SX:
-        """Expression with 0 for the symbols of the contact forces."""
-        return ca.substitute(expression, self._vectors["x"], ca.SX.zeros(len(self.contacts)))
+        """Expression with 0 in place of the contact forces."""
+        return at_zero(expression, self.vectors["x"])
 
     def _gap_index(self, friction: Contact) -> int:
         """Index of the gap whose normal force bounds a dry friction."""
         return self._gaps.index(Contact(friction.normal))
 
     def _memory_of(self, contact: Contact, ending: str) -> ca.SX:
-        """Number in the memory of a contact, by the ending of its name."""
-        return self._vectors["m"][self.memory.index(contact.variable(ending))]
+        """Symbol of a number in the memory that belongs to a contact, by the ending of its name."""
+        return self.vectors["m"][self.memory.index(contact.variable(ending))]
 
     def _is_closed(self, gap: Contact) -> ca.SX:
-        """1 or 0 for a closed or open gap; the memory of an open one may be < 0, the overlap that it may have."""
+        """1 for a closed gap, 0 for an open one, whose number in the memory may be < 0: an overlap that is allowed."""
         return ca.fmax(self._memory_of(gap, "closed"), 0)
 
     def _can_press(self, friction: Contact) -> ca.SX:
-        """Whether the gap is closed whose force bounds dry friction; 1 without one."""
+        """1 if the gap whose force bounds a dry friction is closed, or if none bounds it; else 0."""
         return self._is_closed(Contact(friction.normal)) if friction.normal else ca.SX(1)
 
+    @cached_property
     def _forces_and_indicators(self) -> tuple[ca.SX, ca.SX]:
         """Contact forces in the modes of the memory, and the event indicators.
 
         In the rows that are held (closed, sticks) v̇ = -2α v - α² g, α = STABILISATION, as for constraints.
         """
-        numbers, alpha, first = self._numbers, STABILISATION, len(self._gaps)
+        numbers, alpha, first = self.numbers, STABILISATION, len(self._gaps)
         held, drag, normals = [self._is_closed(c) for c in self._gaps], [ca.SX(0)] * first, [-1] * first
         for i, c in enumerate(self._frictions):
             direction, touching = self._memory_of(c, "direction"), self._can_press(c)
@@ -250,15 +292,15 @@ class ContactModes:
         flags, gap = stack(held), ca.vertcat(numbers["gap"], ca.SX.zeros(len(self._frictions), 1))
         target = -2 * alpha * numbers["v"] - alpha**2 * gap
         forces, contradictions = self._compliance.forces(self._rows["a"], flags, stack(drag), normals, target)
-        return forces, self._watched(flags, forces, contradictions)
+        return forces, self._event_indicators(flags, forces, contradictions)
 
-    def _watched(self, flags: ca.SX, forces: ca.SX, contradictions: ca.SX) -> ca.SX:
+    def _event_indicators(self, flags: ca.SX, forces: ca.SX, contradictions: ca.SX) -> ca.SX:
         """Event indicators: each falls below 0 where the mode of its contact ends.
 
         :param contradictions: accelerations of redundant contacts that the others do not allow.
         """
-        numbers, first = self._numbers, len(self._gaps)
-        compliance, v = self._compliance.diagonal() / self._rows["acceleration_scale"], numbers["v"]
+        numbers, first = self.numbers, len(self._gaps)
+        compliance, v = ca.diag(self._compliance.matrix) / self._rows["acceleration_scale"], numbers["v"]
         rows = []
         for i, c in enumerate(self._gaps):
             leaving = LEAVING * ca.fmax(v[i], 0) / numbers["rate_scale"][i]
@@ -281,36 +323,38 @@ class ContactModes:
 
     def _outputs_by_modes(self) -> dict[str, ca.SX]:
         """Outputs that depend on modes, by name."""
-        outputs = {c.variable("indicator"): self._indicators[i] for i, c in enumerate(self.contacts)}
+        forces, indicators = self._forces_and_indicators
+        outputs = {c.variable("indicator"): indicators[i] for i, c in enumerate(self.contacts)}
         for i, c in enumerate(self._gaps):
-            ended = self._vectors["t"] >= self._memory_of(c, "rests_from")
+            ended = self.vectors["t"] >= self._memory_of(c, "rests_from")
             outputs[c.variable("closed")] = self._is_closed(c) * ended
-            outputs[c.variable("force")] = ca.fmax(self._forces[i], 0)
+            outputs[c.variable("force")] = ca.fmax(forces[i], 0)
         for c in self._frictions:
             outputs[c.variable("sticks")] = (1 - self._memory_of(c, "direction") ** 2) * self._can_press(c)
         return outputs
 
-    def _after_impulses(self, impulses: ca.SX, shifts: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """State after impulses of the contacts and moved along the gaps, and impulses of operators."""
-        y, x, rates, names = self._vectors["y"], self._vectors["x"], self._forced["derivatives"], self._states
+    def _state_and_operator_impulses(self, impulses: ca.SX, shifts: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """State after impulses of contacts and shifts along gaps, and the impulses of operators (a,)."""
+        y, x, rates = self.vectors["y"], self.vectors["x"], self.forced["derivatives"]
+        names, outputs = [state.name for state in self.layout.states], self._outputs
         slopes, own = ca.jacobian(rates, x), [name.rpartition(".")[2] for name in names]
         change = ca.DM([float(name != "dissipated") for name in own]) * (slopes @ impulses)
         momenta = ca.DM([float(name not in ("work", "dissipated")) for name in own])
         towards = momenta * (slopes[:, : len(self._gaps)] @ shifts)
         moved = ca.DM([float(_is_position(name, names)) for name in names]) * ca.jtimes(rates, y, towards)
-        forces = (self._outputs[f"{name}_force"] for name in impulsive_operators(self))
+        forces = (outputs[f"{name}_force"] for name in impulsive_operators(self))
         operators = stack(ca.jtimes(force, x, impulses) for force in forces)
         return self._without_contact_forces(y + change + moved), self._without_contact_forces(operators)
 
 
 def _is_position(name: str, names: Sequence[str]) -> bool:
-    """Whether a state is a coordinate: there is a momentum of it, or it belongs to a quaternion."""
+    """Whether a state is a coordinate, with a momentum among the states, or of a quaternion."""
     part, dot, own = name.rpartition(".")
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
 def _has_dependent_rows(G: np.ndarray) -> bool:
-    """Whether rows of a symmetric matrix depend on those before them."""
+    """Whether some row of a symmetric positive semidefinite matrix depends on those before it."""
     rest = G.copy()
     for i, pivot in enumerate(np.diag(G)):
         if abs(rest[i, i]) <= 1e-9 * abs(pivot):

@@ -8,10 +8,10 @@ import casadi as ca
 
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.row_functions import row_function
-from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
+from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed_steps, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
-from liaisons.mechanics.chains.contacts import contacts_of_links, link_contact_numbers
+from liaisons.mechanics.chains.contacts import link_contact_numbers
 from liaisons.mechanics.chains.sweeps import (
     Base,
     ChainLink,
@@ -23,11 +23,11 @@ from liaisons.mechanics.chains.sweeps import (
 )
 from liaisons.mechanics.energy_accounting import MEMORY, accounting_results, memory_names
 from liaisons.mechanics.functions import SIGNATURES, model_functions
-from liaisons.mechanics.model import Contact, Model, described
+from liaisons.mechanics.model import Contact, Model, declared_fields
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
-from liaisons.mechanics.unilateral import ContactModes
+from liaisons.mechanics.unilateral import ContactModes, contacts_of
 
 
 @cache
@@ -47,16 +47,16 @@ def chain_model(component: type[Chain], n: int) -> Model:
     y = ca.vertcat(link.q, link.p, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
-    contacts = contacts_of_links(m)
-    base, slope = _first_joint(m)
+    contacts = contacts_of(m)
+    base = _base(m)
     moving = link_motion(link, base)
-    more, numbers = link_contact_numbers(m, link, base, slope, moving)
+    more, numbers = link_contact_numbers(m, link, base, moving)
     steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), more[0], *moving.steps, *more[1:]]
     energy = moving.kinetic_energy + moving.potential_energy
     to_start, initial, energy_at_start = _start_steps(link, base, symbols, steps, energy)
     to_sizes, nominals = _nominal_states(component, link)
 
-    forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
+    forces = base.slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
     read = _outputs(m, link, moving, forces, rates)
     read |= contact_outputs(m, numbers["gap"].entries, numbers["v"].entries)
@@ -90,11 +90,11 @@ def chain_model(component: type[Chain], n: int) -> Model:
     programs = _row_programs(rows, results, steps, shapes, n)
     if contacts:
         columns = {name: row_program(name, n, [*rows.values()], steps, [column]) for name, column in numbers.items()}
-        functions: dict[str, Any] = _written_out(m, contacts, rows, programs, columns)
+        functions: dict[str, Any] = _unrolled_functions(m, contacts, rows, programs, columns)
     else:
-        functions = {**_in_loops(programs), "memory": memory_names(layout)}
+        functions = {**_loop_functions(programs), "memory": memory_names(layout)}
     return Model(
-        **described(m),
+        **declared_fields(m),
         **functions,
         equations=of_chain(m),
         picture=drawing.document,
@@ -103,7 +103,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     )
 
 
-def _in_loops(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
+def _loop_functions(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
     """Functions of a chain without contacts, as loops along its links: arguments of Model."""
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
     whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
@@ -111,7 +111,7 @@ def _in_loops(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
     return functions | {"programs": tuple(programs.values()), "condition_texts": ()}
 
 
-def _written_out(
+def _unrolled_functions(
     m: Chain,
     contacts: tuple[Contact, ...],
     rows: Mapping[str, Vector],
@@ -130,21 +130,16 @@ def _written_out(
     def values(program: RowProgram, letters: Iterable[str]) -> list[ca.SX]:
         return row_function(program).call([vectors[letter] for letter in letters])
 
-    results: dict[str, Any] = {"events": ca.SX(0, 1)}
+    results: dict[str, Any] = {"events": ca.SX(0, 1), "conditions": ca.SX(0, 1)}
     for name, program in programs.items():
-        columns = values(program, SIGNATURES[name].arguments + "x")
-        results[name] = tuple(columns) if len(columns) > 1 else columns[0]
-    chosen = {name: values(program, rows)[0] for name, program in numbers.items()}
-    memory = memory_names(layout)
-    modes = ContactModes(contacts, vectors, results, chosen, layout, memory=memory)
-    conditions = modes.painleve_conditions()
-    functions = modes.functions(stack(conditions.values()))
-    texts = tuple(conditions)
-    return {**functions, "memory": memory, "condition_texts": texts, "contacts": contacts}
+        returned = values(program, SIGNATURES[name].arguments + "x")
+        results[name] = tuple(returned) if len(returned) > 1 else returned[0]
+    columns = {name: values(program, rows)[0] for name, program in numbers.items()}
+    return ContactModes(contacts, vectors, results, columns, layout, memory_names(layout), ()).functions()
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
-    """Expressions of a chain's outputs by name, without those of the energy balance."""
+    """Expressions of the output variables of a chain by name, without those of the energy balance."""
     columns = (moving.points, moving.point_rates, moving.point_accelerations)
     outputs = mechanical_outputs(
         m,
@@ -166,7 +161,7 @@ def _row_programs(
     shapes: Mapping[str, tuple[bool, ...]],
     n: int,
 ) -> dict[str, RowProgram]:
-    """Row programs of the functions with results, by name."""
+    """Row programs of the functions of a model from their results, by name."""
     programs: dict[str, RowProgram] = {}
     for name, value in results.items():
         if value is None:
@@ -179,39 +174,39 @@ def _row_programs(
     return programs
 
 
-def _first_joint(m: Chain) -> tuple[Base, ca.SX]:
-    """Motion of the first joint w = B(s), and B_s, (d, a)."""
+def _base(m: Chain) -> Base:
+    """Joint of the first link, w = B(s), with its motion."""
     components = m.base()
     if components is None:
-        d = m.w.shape[0]
-        return Base(*(ca.SX.zeros(d) for _ in range(3))), ca.SX(d, 0)
+        zero = ca.SX.zeros(m.w.shape[0])
+        return Base(zero, zero, zero, ca.SX(zero.shape[0], 0))
     position = m.joint_column(components)
     velocity = m.dot(position)
-    return Base(position, velocity, m.dot(velocity)), ca.jacobian(position, m.s)
+    return Base(position, velocity, m.dot(velocity), ca.jacobian(position, m.s))
 
 
 def _start_steps(
     link: ChainLink, base: Base, symbols: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
 ) -> tuple[list[Step], ca.SX, ca.SX]:
-    """Steps, q and p, and energy at the start."""
+    """Steps that q, p and energy at the start need; column of q and p; energy."""
     q_0, v_0 = (stack(symbols[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
 
-    def at(pairs: list[tuple[ca.SX, ca.SX]], steps: Sequence[Step], result: ca.SX) -> tuple[list[Step], ca.SX]:
-        steps, result = renamed(steps, result)
+    def with_values(pairs: list[tuple[ca.SX, ca.SX]], steps: Sequence[Step], result: ca.SX) -> tuple[list[Step], ca.SX]:
+        steps, result = renamed_steps(steps, result)
         return [step.rewritten(lambda x: substituted(x, pairs)) for step in steps], substituted(result, pairs)
 
-    before, p_0 = at([(link.q, q_0), (link.v, v_0)], *momenta(link, base))
-    after, energy_0 = at([(link.q, q_0), (link.p, p_0)], steps, energy)
+    before, p_0 = with_values([(link.q, q_0), (link.v, v_0)], *momenta(link, base))
+    after, energy_0 = with_values([(link.q, q_0), (link.p, p_0)], steps, energy)
     return [*before, *after], ca.vertcat(q_0, p_0), energy_0
 
 
 def _nominal_states(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:
-    """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
+    """Nominal values of the states, and the steps that they need: of q as declared, of p and energies at such rates."""
     sizes, energy = ca.SX(ca.DM([q.nominal for q in component.coordinates])), ca.SX.sym("energy")
     steps, inertia = mass_matrix_diagonal(link)
     return [*steps, Sum(energy, ca.dot(inertia, sizes**2) / 2)], ca.vertcat(sizes, inertia * sizes, energy, energy)
 
 
 def _is_per_link(group: Iterable[Variable]) -> tuple[bool, ...]:
-    """Whether each variable has an element a link."""
+    """Whether each variable is an array with an element a link."""
     return tuple(variable.dimension is not None for variable in group)

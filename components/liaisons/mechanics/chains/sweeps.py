@@ -50,20 +50,20 @@ class ChainLink:
     gaps: int  # so many contacts are unilateral liaisons
 
     def rate(self, expression: ca.SX) -> ca.SX:
-        """d/dt of a column of functions of the motion, less what accelerations bring."""
+        """Rate d/dt of a column at zero accelerations."""
         return ca.jtimes(expression, ca.vertcat(self.q, self.w), ca.vertcat(self.v, self.w_dot))
 
 
-def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
-    """The terms of one link, as the methods of the component give them.
+def link_of(m: Chain, inputs: Mapping[str, ca.SX] | None = None) -> ChainLink:
+    """Terms of one link, from the methods of the component.
 
-    :param given: forces and loads by the names of the inputs; symbols of their own in their place.
+    :param inputs: forces and loads by name; None: symbols of their own.
     """
     bonded, points = ca.SX.sym("bonded"), m.point_components()
     drive, loads = ca.SX.sym("drive", m.q.shape[0]), ca.SX.sym("loads", len(points))
-    if given is not None:
-        drive = stack(given[f"{q.name}_force"] - given[f"{q.name}_load"] for q in m.coordinates)
-        loads = stack(given[f"{name}_load"] for name in points)
+    if inputs is not None:
+        drive = stack(inputs[f"{q.name}_force"] - inputs[f"{q.name}_load"] for q in m.coordinates)
+        loads = stack(inputs[f"{name}_load"] for name in points)
     kinetic = ca.SX(m.kinetic_energy())
     rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
     last = ca.SX.sym("last")
@@ -95,6 +95,7 @@ class Base:
     w: ca.SX
     w_dot: ca.SX
     w_ddot: ca.SX
+    slope: ca.SX  # ∂w/∂s (d, a)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,7 @@ class LinkMotion:
 
 
 def momenta(link: ChainLink, base: Base) -> tuple[list[Step], ca.SX]:
-    """p = ∂L/∂q̇ of one link (f, 1), from q and v."""
+    """Momenta p = ∂L/∂q̇ of one link (f, 1), from q and v, and the steps that they need."""
     pi = ca.SX.sym("pi", link.w.shape[0])
     F_q, F_w = ca.jacobian(link.tip, link.q), ca.jacobian(link.tip, link.w)
     steps: list[Step] = [
@@ -129,7 +130,7 @@ def momenta(link: ChainLink, base: Base) -> tuple[list[Step], ca.SX]:
 
 
 def mass_matrix_diagonal(link: ChainLink) -> tuple[list[Step], ca.SX]:
-    """Entries of one link on the diagonal of the whole chain's mass matrix (f, 1), from q and w."""
+    """Diagonal of the mass matrix of the chain at one link (f, 1), from q and w, and the steps that it needs."""
     F_q, F_w = ca.jacobian(link.tip, link.q), ca.jacobian(link.tip, link.w)
     M, _ = ca.hessian(link.kinetic, ca.vertcat(link.v, link.w_dot))
     M_qq, M_ww = (M[part, part] for part in (slice(0, F_q.shape[1]), slice(F_q.shape[1], None)))
@@ -168,7 +169,7 @@ def link_motion(link: ChainLink, base: Base) -> LinkMotion:
     virtual_q, virtual_w = (ca.jacobian(link.points, x).T @ link.loads for x in (q, w))
     touch_q, touch_w = (ca.jacobian(link.contact_rates, x).T @ link.contact_forces for x in (v, w_dot))
     Q, Q_w = link.drive - virtual_q + touch_q, touch_w - virtual_w
-    rub, rub_w = link.friction.against(v), link.friction.against(w_dot)
+    rub, rub_w = link.friction.forces_against(v), link.friction.forces_against(w_dot)
     f = Q - rub - gradient(V, q) + gradient(T, q) - link.rate(p_v)
     h = Q_w - rub_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
     b = P @ link.rate(F_dot) + c
