@@ -90,12 +90,12 @@ def motion_names(move: str) -> tuple[str, str, str]:
 
 
 def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
-    """Dictionary from names to values, of which there are as many."""
+    """Dictionary from names to values; a ValueError unless there are as many of both."""
     return dict(zip(names, values, strict=True))
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
-    """Parameter ``n``, the number of links or elements, if the component has it; else an empty dictionary."""
+    """Value of ``n``, the number of links or elements, by its name, if the component has it; else empty."""
     return {"n": values["n"]} if "n" in values and has_size(component(target)) else {}
 
 
@@ -113,8 +113,11 @@ def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
 
 
-def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
-    """Phases as dictionaries, checked; none without phases."""
+def checked_phases(phases: Any) -> tuple[Mapping[str, Any], ...]:
+    """Phases, each a dictionary from contacts to modes; empty for None.
+
+    :raises PlanError: for anything else.
+    """
     if phases is None:
         return ()
     entries = [*phases] if isinstance(phases, (list, tuple)) else []
@@ -140,7 +143,7 @@ def unit_quaternion(label: str, value: Any) -> Array:
 
 
 def is_expression(value: object) -> bool:
-    """Whether a start or an end is a function or a formula, which has to vanish."""
+    """Whether a start or an end is a function or a formula, instead of values by name."""
     return callable(value) or isinstance(value, str)
 
 
@@ -154,7 +157,7 @@ def finite_number(label: str, value: Any) -> float:
 
 
 def values_by_element(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
-    """Values by the names of scalars, from values by the names of scalars and arrays.
+    """Values by the names of scalars, from names of scalars and of arrays.
 
     :raises PlanError: unless the values have names, and lists the lengths of their arrays.
     """
