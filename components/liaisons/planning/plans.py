@@ -139,20 +139,22 @@ class Plan:
     def system(self, *, interpolate: bool = True) -> System:
         """The mechanism connected with one operator FMU for each coordinate, with start values and step size.
 
-        :param interpolate: the proposed step suits masters that step operators first: the mechanism interpolates their
-            outputs, and follows their polynomials to the last digits.  False proposes one for masters that step all
-            FMUs at once, with which the mechanism extrapolates: at least 4000 to the end, for an error of third order.
+        :param interpolate: for masters that step operators first: the mechanism interpolates their outputs, and follows
+            their polynomials to the last digits.  False is for masters that step all FMUs at once, in at least 4000
+            equal steps with a knot at the start of each: values and rates are those of the plan, accelerations those
+            that lead to the next value, so that extrapolation has an error of third order.
         """
         system, end = System(f"planned_{self.problem.name}"), self.duration
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
-        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **self._tables)
+        knots = self._knots if interpolate else self._equidistant_knots(step)
+        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **_tables(knots))
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
         """Simulate the FMUs, with the knots as communication points."""
-        values = {**self.fmu_starts, **self._tables}
+        values = {**self.fmu_starts, **_tables(self._knots)}
         return simulate(self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **values)
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
@@ -209,10 +211,18 @@ class Plan:
 
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
-    @property
-    def _tables(self) -> dict[str, Any]:
-        """Operators that interpolate between the knots, by moved coordinate."""
-        return {name: tabulated(*columns) for name, columns in self._knots.items()}
+    def _equidistant_knots(self, step: float) -> dict[str, Array]:
+        """The same at equal steps, where each acceleration is the one that leads to the next value.
+
+        Extrapolation from a knot meets the next value, even if σ̈ jumps between them.
+        """
+        times = step * np.arange(round(self.duration / step) + 1)
+        knots = {}
+        for move in self.problem.moves:
+            value, rate, acceleration = (self.sigma(times)[name] for name in motion_names(move))
+            acceleration[:-1] = 2 * (np.diff(value) / step - rate[:-1]) / step
+            knots[move] = np.vstack([times, value, rate, acceleration])
+        return knots
 
     def _communication_points(self) -> Array:
         """Times of the knots, and instants just before jumps or beside the ends of phases [s]."""
@@ -274,6 +284,11 @@ class Plan:
         word = "" if self.finished else ", not proved: it was stopped on the way"
         moves = ", ".join(self.problem.moves)
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
+
+
+def _tables(knots: Mapping[str, Array]) -> dict[str, Any]:
+    """Operators that interpolate between the knots, by moved coordinate."""
+    return {name: tabulated(*columns) for name, columns in knots.items()}
 
 
 def _even_step(end: float, longest: float) -> float:
