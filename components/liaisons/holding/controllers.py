@@ -20,13 +20,13 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, PlanError, suggestion
-from liaisons.holding.observers import Observer, add_mechanism, normal_verdict
+from liaisons.holding.observers import Observer, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
-from liaisons.library import Target, fmu_file
+from liaisons.library import fmu_file
 from liaisons.models import regulator
-from liaisons.planning.goals import Array, by_name, motion_names
+from liaisons.planning.goals import Array, Goal, by_name, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -81,7 +81,7 @@ class Controller:
     """
 
     name: str  # of the component
-    component: Target
+    goal: Goal  # the mechanism with its initial state
     moves: tuple[str, ...]
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
@@ -100,7 +100,6 @@ class Controller:
     sizes: Array  # of the states, by which deviations are divided
     energy: float  # kinetic energy of a motion by these sizes in the time below [J]
     time: float  # in which states change by their sizes [s]
-    values: Mapping[str, float]  # of parameters, as given
     starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
     perturbations: tuple[Mapping[str, float], ...]  # differences of start values that span the directions
     observer: Observer | None = None  # its estimates are read instead of the states that it estimates
@@ -163,8 +162,8 @@ class Controller:
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
-        follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
-        mechanism = add_mechanism(system, self.name, self.component, self.values, **follows, **starts)
+        follows = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
+        mechanism = system.add(self.name, self.goal.fmu, **self.goal.parameters | follows | starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
         if self.observer:
@@ -422,7 +421,8 @@ class Controller:
         """
         assert self.cost is not None  # all is controllable
         (B, Q, R), D, model = self.cost, self.directions, observer.model
-        K = self.gains[0] / self.sizes[-len(self.moves) :, None] * self.sizes @ D
+        moves, decay = len(self.moves), np.exp(-1.0)  # of a corrected acceleration in a period
+        K = self.gains[0] / self.sizes[-moves:, None] * self.sizes @ D
         S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
         inverse, n = np.linalg.pinv(D), len(model.sampled.names)
         of_states = inverse[:, :n] @ np.eye(n, len(model.states))
@@ -431,13 +431,9 @@ class Controller:
         expected += np.sum(error.T @ (R + B.T @ S @ B) @ error * observer.corrected[0])
         costs = []
         for run in runs:
-            off = self.deviation(run)
-            read = off.copy()
-            for i, name in enumerate(self.states):
-                if output := observer.outputs.get(name):
-                    read[i] += run[f"{observer.part}.{output}"] - run[self.signals[i]]
-            x, estimate = ((inverse @ (y / self.sizes[:, None])[:, :-1]).T for y in (off, read))
-            w = estimate @ K.T
+            off = self.deviation(run) / self.sizes[:, None]
+            accelerations = off[-moves:]
+            x, w = (inverse @ off[:, :-1]).T, (accelerations[:, 1:] - decay * accelerations[:, :-1]).T / (1 - decay)
             of_steps = np.sum((x @ Q) * x, axis=1) + np.sum((w @ R) * w, axis=1)
             first, *_, last = np.sum((x @ S) * x, axis=1)
             costs.append((np.sum(of_steps[:-1]) + last - first) / (len(x) - 1))

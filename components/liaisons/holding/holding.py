@@ -389,7 +389,7 @@ def _controller(
         starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
     return Controller(
         name=sampled.name,
-        component=symbols.goal.component,
+        goal=symbols.goal,
         moves=sampled.moves,
         step_size=step_size,
         free=sampled.free,
@@ -405,7 +405,6 @@ def _controller(
         correction_limits=_correction_limits(sampled, trajectory, bounds),
         directions=directions[0],
         final_directions=directions[-1],
-        values=symbols.goal.values,
         sizes=sampled.sizes,
         energy=sampled.energy,
         time=sampled.time,

@@ -25,8 +25,8 @@ from liaisons.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons.holding.subjects import planned_motion, sampled_subject
 from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import Target, build, fmu_path
-from liaisons.planning.goals import Array, by_name, chain_size, values_by_element
+from liaisons.library import Target, build
+from liaisons.planning.goals import Array, by_name, values_by_element
 from liaisons.planning.plans import Plan
 
 _RUNS = 200
@@ -258,10 +258,10 @@ class Observer:
         starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
         if self.motion is None:
             system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
-            settings: dict[str, Any] = sampled.start_values | starts
+            settings: dict[str, Any] = goal.parameters | sampled.start_values | starts
             for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
                 settings[m] = operator("Ramp", offset=x, rate=rate)
-            add_mechanism(system, self.name, goal.component, goal.values, **settings)
+            system.add(self.name, goal.fmu, **settings)
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -359,16 +359,6 @@ class Observer:
     def __repr__(self) -> str:
         text = ", ".join(f"{name} ± {value:.3g}" for name, value in self.standard_deviations.items())
         return f"<{self.name} observed by {', '.join(self.model.measured)} every {self.model.period:g} s: {text}>"
-
-
-def add_mechanism(system: System, name: str, target: Target, values: Mapping[str, float], **settings: Any) -> Any:
-    """Add a mechanism to a system, and return its component.
-
-    :param values: of parameters, the number of links included; ``settings`` are further ones, which prevail.
-    """
-    sizes = chain_size(target, values)
-    own: dict[str, Any] = {parameter: value for parameter, value in values.items() if parameter not in sizes}
-    return system.add(name, fmu_path(target, **sizes), **own | settings)
 
 
 def normal_verdict(claim: str, value: float) -> Verdict:

@@ -90,10 +90,9 @@ class SampledMechanism:
     def frequency(self) -> float:
         """Largest absolute eigenvalue [1/s] of the free motion about the start; 0 if there is none."""
         of_states = slice(1, 1 + len(self.names))
-        A = np.array(self._rates_and_slopes(self.start[self.state_indices], *self.sigma.T))[:, of_states]
-        if self.is_constrained:  # along the constraints
-            A = np.array(self._projection(self.start, *self.sigma.T))[:, of_states] @ A
-        return spectral_radius(A)
+        return spectral_radius(
+            np.array(self._rates_and_slopes(self.start[self.state_indices], *self.sigma.T))[:, of_states]
+        )
 
     @cached_property
     def moves_freely(self) -> bool:

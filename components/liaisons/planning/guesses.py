@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import count, pairwise, product
 from typing import Any
 
@@ -57,7 +58,7 @@ def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
 
 
 def refuse_invariants(problem: Problem) -> None:
-    """Raise an error for a goal at the end that has one value at the end of all of several arbitrary motions.
+    """Raise an error for a row at the end that has one value, outside of its range, at the end of three motions.
 
     :param problem: in relative units.
     :raises PlanError: with its name.
@@ -66,19 +67,10 @@ def refuse_invariants(problem: Problem) -> None:
     started = {state for state in problem.states if state in initial_labels or state in problem.moves}
     if not end.labels or len(started) < len(problem.states):
         return
-    values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
-    for k in range(1, 6):
-        trajectory = (
-            _halton_ellipse(problem, _INTERVALS, k)
-            if problem.is_loop
-            else _integrated_transfer(problem, _INTERVALS, k, is_arbitrary=True)
-        )
-        values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
-        spread = np.ptp(values, axis=1)
-        off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
-        if k > 1 and not ((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)).any():
-            return
-    for i in np.flatnonzero((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
+    motion = _halton_ellipse if problem.is_loop else partial(_integrated_transfer, is_arbitrary=True)
+    values = np.hstack([end.function(motion(problem, _INTERVALS, k).knots[:, -1]) for k in range(1, 4)])
+    off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
+    for i in np.flatnonzero((np.ptp(values, axis=1) < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
         required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""

@@ -118,20 +118,12 @@ class _Phase:
 
     def rows(self) -> GoalRows:
         """Constraints and cost of the goal, with those of the contacts along the phase."""
-        rows, values = goal_rows(self.symbols), list[tuple[str, ca.SX]]()
-        for i, closed in self.gaps.items():
-            name = self.contacts[i].name
-            values.append(
-                (suffixed(name, "_force"), self.forces[i]) if closed else (name, self.contact_terms["gap"][i])
-            )
-        for i, direction in self.frictions.items():
-            name = self.contacts[i].name
-            if direction:
-                values.append((name, direction * self.contact_terms["v"][i]))
-            else:
-                values += [(suffixed(name, "_force"), margin) for margin in self.margins(i).values()]
-        own = (Row(name, value, 0.0, np.inf) for name, value in values)
-        return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
+        rows = goal_rows(self.symbols)
+        values = [(i, self.forces[i]) for i, closed in self.gaps.items() if closed]
+        sticking = (i for i, direction in self.frictions.items() if not direction)
+        values += [(i, margin) for i in sticking for margin in self.margins(i).values()]
+        forces = (Row(suffixed(self.contacts[i].name, "_force"), value, 0.0, np.inf) for i, value in values)
+        return replace(rows, path=[*rows.path, *self.sign_rows(), *with_sizes(self.symbols, forces)])
 
     def sign_rows(self) -> list[Row]:
         """Rows of what has a sign: gaps that are open, and sliding velocities."""

@@ -22,8 +22,8 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
-from liaisons.library import Target, fmu_path, is_named
-from liaisons.planning.goals import Goal, by_name, chain_size, checked_phases, duration_range, motion_names
+from liaisons.library import Target, is_named
+from liaisons.planning.goals import Goal, by_name, checked_phases, duration_range, motion_names
 from liaisons.planning.phases import problem_of
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
@@ -148,14 +148,14 @@ class Plan:
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
         knots = self._knots if interpolate else self._equidistant_knots(step)
-        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **_tables(knots))
+        system.add(self.problem.name, self.goal.fmu, **self.fmu_starts, **_tables(knots))
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
         """Simulate the FMUs, with the knots as communication points."""
         values = {**self.fmu_starts, **_tables(self._knots)}
-        return simulate(self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **values)
+        return simulate(self.goal.fmu, times=self._communication_points(), tolerance=_TOLERANCE, **values)
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
         """Verdicts: replay by FMUs, bounds between nodes, extremality, second-order condition, finer mesh, multipliers.
@@ -174,10 +174,6 @@ class Plan:
         moves = self.problem.moves
         free = (name for name in self.problem.states if name not in moves and not name.endswith("_dot"))
         return self.replay().plot(*(names or [*moves, *free]), path=path)
-
-    def _mechanism_fmu(self) -> Any:
-        """Path of the FMU of the mechanism."""
-        return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
 
     @property
     def fmu_starts(self) -> dict[str, Any]:

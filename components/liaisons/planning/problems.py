@@ -406,11 +406,12 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
 
 def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, Array], dict[str, float]]:
     """Function (state, controls) -> start values of the mechanism's FMU by its parameters."""
-    values = {name: value for name, value in symbols.goal.values.items() if name != "n"}
 
     def starts(X: Array, U: Array) -> dict[str, float]:
         numbers = by_name(symbols.signals, np.array(signals(X, U)).ravel())
-        return values | {parameter: float(numbers[name]) for name, parameter in symbols.start_parameters.items()}
+        return symbols.goal.parameters | {
+            parameter: float(numbers[name]) for name, parameter in symbols.start_parameters.items()
+        }
 
     return starts
 

@@ -25,7 +25,6 @@ from liaisons.planning.goals import (
     Goal,
     Readings,
     by_name,
-    chain_size,
     finite_number,
     is_expression,
     motion_names,
@@ -215,7 +214,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     if not goal.phases:
         remedy = "say with phases=[...] in which order plan takes them; hold and observe the mechanism without them"
         refuse_contacts(declared, "what is planned or held", remedy, PlanError)
-    flat = model(declared, **chain_size(goal.component, goal.values)).flat()
+    flat = model(declared, **goal.structure).flat()
     _refuse_moves(goal, name, flat)
     parameters, inputs = _parameters_and_inputs(goal, declared, flat)
     own = {name for parameter in declared.parameters for name in parameter.names}
@@ -291,9 +290,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
     moved = {name for move in goal.moves for name in motion_names(move)}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
-    for name, value in goal.values.items():
-        if name in chain_size(declared, goal.values):
-            continue
+    for name, value in goal.parameters.items():
         if name in moved:
             raise PlanError(f"{owner}: {name} is moved and cannot have the fixed value {shown(value)}")
         if name not in variables:

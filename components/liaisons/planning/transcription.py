@@ -414,10 +414,8 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     after, impulses = opti.variable(n, len(later)), opti.variable(contacts, len(later))
     for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
         opti.set_initial(unknown, first)
-    for k, (first, rows) in enumerate(zip(later, problem.junctions, strict=True)):
-        X, U = (columns[:, first : first + DEGREE] @ TO_POWERS[0] for columns in (guess.inner, guess.controls))
-        opti.set_initial(after[:, k], X)
-        opti.set_initial(impulses[:, k], _nearest_impulses(rows, guess.knots[:, first // DEGREE], X, U))
+    for k, first in enumerate(later):
+        opti.set_initial(after[:, k], guess.inner[:, first : first + DEGREE] @ TO_POWERS[0])
     low, high = problem.duration
     if low == high and len(arcs) == 1:
         durations = ca.MX(ca.DM(low))
@@ -454,14 +452,6 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
         cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
     )
-
-
-def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) -> Array:
-    """Impulses with which the states before and after a junction agree best, by least squares."""
-    impulses = ca.SX.sym("impulses", rows.function.size1_in(2))
-    column = rows.function(before, after, impulses, controls)[rows.equalities]
-    matrix, rest = (np.array(ca.evalf(part)) for part in ca.linear_coeff(column, impulses))
-    return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
 
 
 def _junction_constraints(problem: Problem, program: _Program) -> Iterator[ca.MX]:
