@@ -34,8 +34,7 @@ _RADIANS = 4
 """Radians of the free motion that runs at an equilibrium last: where it is not stable, deviations grow to 27 times."""
 _LAGS = 10
 """Samples by which innovations are shifted to see whether they are white."""
-STANDARD_ERRORS = 3.29
-REASON = f"{STANDARD_ERRORS} standard deviations: a right filter exceeds them with one seed in a thousand"
+_STANDARD_ERRORS = 3.29
 
 
 def observe(
@@ -363,4 +362,5 @@ class Observer:
 
 def normal_verdict(claim: str, value: float) -> Verdict:
     """Verdict on a standard normal statistic: its distance from 0."""
-    return verdict(claim, error=abs(value), tolerance=STANDARD_ERRORS, reason=REASON)
+    reason = f"{_STANDARD_ERRORS} standard deviations: a right filter exceeds them with one seed in a thousand"
+    return verdict(claim, error=abs(value), tolerance=_STANDARD_ERRORS, reason=reason)

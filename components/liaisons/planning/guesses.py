@@ -68,7 +68,8 @@ def refuse_invariants(problem: Problem) -> None:
     if not end.labels or len(started) < len(problem.states):
         return
     motion = _halton_ellipse if problem.is_loop else partial(_integrated_transfer, is_arbitrary=True)
-    values = np.hstack([end.function(motion(problem, _INTERVALS, k).knots[:, -1]) for k in range(1, 4)])
+    ends = (end.function(motion(problem, _INTERVALS, k).knots[:, -1]) for k in range(1, 4))
+    values = np.hstack([*map(np.array, ends)])
     off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
     for i in np.flatnonzero((np.ptp(values, axis=1) < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0

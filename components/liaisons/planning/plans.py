@@ -299,8 +299,7 @@ def _even_step(end: float, longest: float) -> float:
 
 def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
     """Value, first and second derivative, (3, n), at times ``local`` after the starts of the intervals k."""
-    derivatives = (polynomial.derivative(order).c[::-1, k] for order in range(3))
-    return np.array([sum(c * local**n for n, c in enumerate(powers)) + 0 * local for powers in derivatives])
+    return np.array([np.polyval(polynomial.derivative(order).c[:, k], local) for order in range(3)])
 
 
 def _json_value(value: Any) -> Any:

@@ -53,8 +53,7 @@ class Rows:
 
     def violation(self, values: Array) -> Array:
         """Distances of values (rows,) or (rows, points) from the ranges of their rows; 0 inside."""
-        low, high = (bound.reshape(-1, *[1] * (values.ndim - 1)) for bound in (self.low, self.high))
-        return np.maximum(low - values, values - high).clip(0)
+        return np.abs(values - values.T.clip(self.low, self.high).T)
 
 
 @dataclass(frozen=True, eq=False)

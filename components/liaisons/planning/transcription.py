@@ -359,7 +359,9 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
 
 
 def curvature(solution: Solution, clock: Clock) -> Array | None:
-    """Eigenvalues of the reduced Hessian at a solution, ascending; None if IPOPT leaves it, or it is not finite.
+    """Eigenvalues of the reduced Hessian at a solution, ascending, relative to the greatest absolute one.
+
+    None if IPOPT leaves the solution, or they are not finite.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
@@ -387,7 +389,8 @@ def curvature(solution: Solution, clock: Clock) -> Array | None:
         Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
         Z /= weight
         tangent = null_space(J[active] @ Z, rcond=_ACTIVE_DISTANCE) if active.size else np.eye(free.size)
-        return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
+        eigenvalues = np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent)
+        return eigenvalues / np.abs(eigenvalues).max(initial=np.finfo(float).tiny)
     return None
 
 

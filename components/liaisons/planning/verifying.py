@@ -75,7 +75,7 @@ def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock
     eigenvalues = None
     for solution in meshes:
         eigenvalues = None if clock.is_over else curvature(solution(), clock)
-        if eigenvalues is None or not eigenvalues.size or _least_eigenvalue(eigenvalues) >= -_ZERO_CURVATURE:
+        if eigenvalues is None or not eigenvalues.size or eigenvalues[0] >= -_ZERO_CURVATURE:
             break
     why = f"of the largest; what is less than {_ZERO_CURVATURE:g} cannot be told from 0"
     text = "a local minimum: the reduced Hessian is positive definite"
@@ -83,15 +83,10 @@ def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock
         return verdict(text, error=np.nan, tolerance=_ZERO_CURVATURE, reason=why)
     if not eigenvalues.size:
         return verdict("a local minimum: constraints leave nothing free", error=0.0, tolerance=0.0)
-    least = _least_eigenvalue(eigenvalues)
+    least = float(eigenvalues[0])
     if least < _ZERO_CURVATURE:
         text = "second-order condition: no direction has negative curvature (some have none)"
     return verdict(text, error=max(0.0, -least), tolerance=_ZERO_CURVATURE, reason=why)
-
-
-def _least_eigenvalue(eigenvalues: Array) -> float:
-    """The least eigenvalue relative to the greatest absolute one."""
-    return float(eigenvalues[0] / max(np.abs(eigenvalues).max(), np.finfo(float).tiny))
 
 
 def _replay_verdicts(solution: Solution, replay: Result) -> Iterator[Verdict]:
