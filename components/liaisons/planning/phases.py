@@ -24,7 +24,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import suffixed
@@ -233,11 +232,11 @@ def _independent_rows(
         columns = stack((one.expression - one.nearest_to_zero) / one.size for one in (*independent, row))
         results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
         function = ca.Function("rows", [X, symbols.motion[2]], results)
-        owner = f"{symbols.name}: {label}: {row.label}"
-        values, gradients = _values_and_gradients(owner, function, x)
         for _ in range(_PROJECTIONS):
+            values, gradients = map(np.array, function(x, 0))  # σ̈ = 0
+            if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
+                raise PlanError(f"{symbols.name}: {label}: {row.label} has no derivative there; move it")
             x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
-            values, gradients = _values_and_gradients(owner, function, x)
         is_free = np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients)
         value, shift = row.nearest_to_zero + values[-1].item() * row.size, _DEPENDENT * row.size
         where = f"{symbols.name}: {label}: phases make {row.label} = {value:g} there"
@@ -249,17 +248,6 @@ def _independent_rows(
             yield row
         elif abs(value - row.low) > shift:
             raise PlanError(f"{where}, not {row.low:g}")
-
-
-def _values_and_gradients(owner: str, function: ca.Function, x: NDArray) -> tuple[NDArray, NDArray]:
-    """Values of rows, and their gradients by the states, where σ̈ = 0.
-
-    :raises PlanError: if they are not finite.
-    """
-    values, gradients = map(np.array, function(x, 0))
-    if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
-        raise PlanError(f"{owner} has no derivative there; move it")
-    return values, gradients
 
 
 @dataclass(frozen=True, eq=False)

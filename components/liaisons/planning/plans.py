@@ -180,7 +180,8 @@ class Plan:
         """Start values of the mechanism's FMU at the beginning of the plan, by its parameters."""
         first = self.sigma(0.0)
         controls = np.array([first[name] for name in self.problem.controls])
-        return dict(self.problem.fmu_starts(self.solution.trajectory.knots[:, 0], controls))
+        values = self.problem.start_values(self.solution.trajectory.knots[:, 0], controls)
+        return self.goal.parameters | by_name(self.problem.start_names, np.array(values).ravel().tolist())
 
     @cached_property
     def _knots(self) -> dict[str, Array]:

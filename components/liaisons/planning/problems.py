@@ -16,7 +16,7 @@ States on which neither rows nor cost depend are left out (where a falling cat i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -88,7 +88,8 @@ class Problem:
     duration: tuple[float, float]
     constrained: bool  # the states obey constraints, which straight lines would break
     mass: ca.Function  # Θ of the states
-    fmu_starts: Callable[[Array, Array], dict[str, float]]  # start values of the FMU
+    start_names: tuple[str, ...]  # parameters of the FMU that are start values
+    start_values: ca.Function  # these
     scales: Scales
     modes: Mapping[str, float] = field(default_factory=dict)  # values of the FMU's variables for modes of contacts
     phases: tuple[Problem, ...] = ()  # of contacts; their rates, cost, path and duration take the place of these
@@ -233,7 +234,8 @@ def _problem_in_states(
         duration=goal.duration,
         constrained=any(getattr(symbols.component, kind, ()) for kind in constraints),
         mass=function("mass", symbols.mass),
-        fmu_starts=_fmu_starts(symbols, function("signals", ca.vertcat(*symbols.signals.values()))),
+        start_names=tuple(symbols.start_parameters.values()),
+        start_values=function("start_values", stack(symbols.signals[name] for name in symbols.start_parameters)),
         scales=Scales(
             states=np.array([state.size for state in states]),
             controls=symbols.motion_sizes[order],
@@ -401,18 +403,6 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
             raise PlanError(
                 f"{symbols.name}: end: nothing can come to rest: {name} is conserved, and it is {value:g} at the start"
             )
-
-
-def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, Array], dict[str, float]]:
-    """Function (state, controls) -> start values of the mechanism's FMU by its parameters."""
-
-    def starts(X: Array, U: Array) -> dict[str, float]:
-        numbers = by_name(symbols.signals, np.array(signals(X, U)).ravel())
-        return symbols.goal.parameters | {
-            parameter: float(numbers[name]) for name, parameter in symbols.start_parameters.items()
-        }
-
-    return starts
 
 
 def _in_relative_units(function: ca.Function, value_size: Array, *sizes: Array) -> ca.Function:
