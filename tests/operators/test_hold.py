@@ -19,7 +19,7 @@ from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 
@@ -426,7 +426,7 @@ def in_units(name: str, scale: Scale) -> Plan:
         duration=times(goal.duration, scale[2]),
         values=parameters(goal.component, scale, dict(goal.values), goal.moves),
     )
-    return Plan(goal, problem_of(goal), replace(solution, trajectory=trajectory))
+    return Plan(goal, optimal_control_problem(goal), replace(solution, trajectory=trajectory))
 
 
 @pytest.mark.slow

@@ -19,10 +19,10 @@ from scipy.sparse import csc_matrix
 from liaisons import Plan, System, plan
 from liaisons.errors import PlanError
 from liaisons.planning import transcription
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.plans import _even_step
 from liaisons.planning.searching import _satisfies_equations
-from liaisons.planning.transcription import Clock, curvature, in_relative_units
+from liaisons.planning.transcription import Clock, in_relative_units, reduced_hessian_eigenvalues
 from liaisons.planning.verifying import (
     _cost_verdicts,
     _on_finer_mesh,
@@ -554,14 +554,14 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order(monkeypatch:
     goal: dict[str, Any] = {"start": {"pivot_x": 0}, "end": {"pivot_x": 0}, "duration": 1.0, "tries": 1}
     least = plan("Pendulum", "pivot_x", minimize="pivot_x_dot**2 - 3**2*pivot_x**2", **goal)  # 3 < π
     verified(least)
-    beyond = problem_of(replace(least.goal, minimize="pivot_x_dot**2 - 3.3**2*pivot_x**2"))  # 3.3 > π
+    beyond = optimal_control_problem(replace(least.goal, minimize="pivot_x_dot**2 - 3.3**2*pivot_x**2"))  # 3.3 > π
     arguments = in_relative_units(beyond, least.solution), Clock()
-    eigenvalues = curvature(*arguments)
+    eigenvalues = reduced_hessian_eigenvalues(*arguments)
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
     with monkeypatch.context() as patch:  # numbers that are not finite
         patch.setattr(transcription, "csc_matrix", lambda matrix: csc_matrix(matrix * np.nan))
-        assert curvature(*arguments) is None
+        assert reduced_hessian_eigenvalues(*arguments) is None
     solution, clock = arguments
     assert not _second_order_verdict([lambda: solution, lambda: _on_finer_mesh(*arguments)], clock).passed
 

@@ -163,7 +163,8 @@ class Controller:
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
         follows = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
-        mechanism = system.add(self.name, self.goal.fmu, **self.goal.parameters | follows | starts)
+        starts = {**self.goal.parameters, **follows, **starts}
+        mechanism = system.add(self.name, self.goal.fmu, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
         if self.observer:

@@ -56,7 +56,7 @@ class EstimationModel:
     :ivar predict: function (x, begin, end) -> x after a period, its derivatives, and the covariance that is added; σ
         and its two rates at both ends have the shape (moves, 3).
     :ivar measure: function (x, σ and its rates) -> what is measured, and its derivatives.
-    :ivar land: function (x, σ and its rates) -> x projected onto constraints and unit quaternions, and its derivatives.
+    :ivar project: function (x, σ and its rates) -> x on constraints and with unit quaternions, and its derivatives.
     :ivar correct: function (x, P, σ and its rates, y) -> x and its covariance after a measurement; innovations, which
         are independent, of variance 1; and the gain.
     """
@@ -79,16 +79,16 @@ class EstimationModel:
         begin, end = (ca.SX.sym(name, len(sampled.moves), 3) for name in ("begin", "end"))
         rates, projected, readings = self._rates_and_readings(x, w, end)
         landed = ca.vertcat(projected / self.sizes[:n], x[n:])
-        self.measure, self.land = (
+        self.measure, self.project = (
             ca.Function(name, [x, end], [results, ca.densify(ca.jacobian(results, x))])
-            for name, results in (("measure", readings), ("land", landed))
+            for name, results in (("measure", readings), ("project", landed))
         )
         part, inputs = ca.SX.sym("part"), ca.vertcat(w, ca.vec(begin), ca.vec(end))
         motion = sampled.reconstructed_motion(begin, end, period, part)
         slopes = ca.vertcat(ca.substitute(rates, end, motion), 1 / period)
         flow = ca.Function("slopes", [ca.vertcat(x, part), inputs], [slopes])
         advance = ca.simpleRK(flow, ceil(period / sampled.time * _PARTS_OF_RADIAN))
-        after, _ = self.land(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
+        after, _ = self.project(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
         derivatives = after, ca.jacobian(after, x), ca.jacobian(after, w)
         predicted, F, G = (ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in derivatives)
         covariance = G @ G.T + ca.diag(ca.DM(self.drift**2))
@@ -99,7 +99,7 @@ class EstimationModel:
         y = ca.SX.sym("y", expected.numel())
         root = ca.chol(C @ P @ C.T + ca.SX.eye(y.numel())).T
         innovations, gain = ca.solve(root, y - expected), ca.solve(root, C @ P)
-        corrected, T = self.land(x + gain.T @ innovations, end)
+        corrected, T = self.project(x + gain.T @ innovations, end)
         remaining = T @ (P - gain.T @ gain) @ T.T
         results = [corrected, remaining, innovations, ca.solve(root.T, gain).T]
         self.correct = ca.Function("correct", [x, P, end, y], results)
@@ -155,7 +155,7 @@ class EstimationModel:
 
     def tangents(self, x: Array, sigma: Array) -> Array:
         """Orthonormal columns that span the deviations of x which constraints and unit quaternions allow."""
-        return image_basis(np.array(self.land(x, sigma)[1]))
+        return image_basis(np.array(self.project(x, sigma)[1]))
 
     def start_covariance(self) -> Array:
         """Covariance of x at the start of a plan."""
@@ -165,7 +165,7 @@ class EstimationModel:
             if name not in sampled.names:
                 raise PlanError(f"{sampled.name}: deviations of {name!r}: the states are {', '.join(self.states)}")
             deviations[name] = deviation / self.sizes[self.states.index(name)]
-        projection = np.array(self.land(self.start, sampled.sigma)[1])
+        projection = np.array(self.project(self.start, sampled.sigma)[1])
         root = projection * [*deviations.values()]
         return root @ root.T
 

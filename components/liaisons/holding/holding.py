@@ -318,7 +318,7 @@ def _reference_trajectory(
     extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
     open_states = {sampled.states[i] for i in np.flatnonzero(gap > _CLOSURE * extents).tolist()}
-    open_states -= {*sampled.cyclic, *may_jump}
+    open_states -= {*sampled.cyclic_coordinates, *may_jump}
     at_rest = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.held_moves for m in moves]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈

@@ -76,7 +76,7 @@ class SampledMechanism:
         n, c = len(self.names), len(self.moves)
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
         internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
-        self.internal = [name for name in self.names if name in internal]
+        self.internal_states = [name for name in self.names if name in internal]
         coordinates = (name for name in self.names if name in starts and not name.endswith(Orientation.momenta))
         self.free = (*(name for name in coordinates if name not in internal), *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
@@ -95,14 +95,14 @@ class SampledMechanism:
         )
 
     @cached_property
-    def moves_freely(self) -> bool:
+    def has_free_motion(self) -> bool:
         """Whether :attr:`time` is that of a free motion, which is fast enough."""
         return self.frequency * self._longest_radian > 1
 
     @cached_property
     def time(self) -> float:
         """Time [s] in which states change by their sizes: one radian of a free motion, else the default."""
-        return 1 / self.frequency if self.moves_freely else self._default_time
+        return 1 / self.frequency if self.has_free_motion else self._default_time
 
     @cached_property
     def sizes(self) -> Array:
@@ -168,7 +168,7 @@ class SampledMechanism:
         inertia_size = mean.get(first, 1.0) * extents[first] ** 2
         by_unit = extents | {unit: np.sqrt(inertia_size / inertia) for unit, inertia in mean.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
-        coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
+        coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal_states}
         changes = [np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()]
         momenta = {
             name: float(size) if size > 0 else inertia_size / self.time
@@ -178,7 +178,7 @@ class SampledMechanism:
         return coordinates, momenta, float(inertia_size / self.time**2)
 
     @property
-    def cyclic(self) -> list[str]:
+    def cyclic_coordinates(self) -> list[str]:
         """Names of the coordinates on which no rate depends."""
         symbols, rows = self.symbols, self.state_indices
         uses = symbols.dependencies(symbols.relative_rates[rows], symbols.state[rows])
@@ -314,7 +314,7 @@ class SampledMechanism:
             if i not in rows and ca.depends_on(readings, x):
                 moves = ", ".join(self.moves)
                 raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
-        results = [symbols.rates[rows], _projected(symbols)[rows], readings]
+        results = [symbols.rates[rows], _projected_states(symbols)[rows], readings]
         rates, projected, readings = ca.substitute(results, symbols.arguments, [state, *ca.horzsplit(motion)])
         return rates, projected, readings
 
@@ -331,7 +331,7 @@ class SampledMechanism:
     @property
     def free_inputs(self) -> list[str]:
         """Names of the inputs that are no σ: forces."""
-        return [name for name in self.symbols.inputs if name not in self.symbols.moved]
+        return [name for name in self.symbols.inputs if name not in self.symbols.motion_symbols]
 
     def directions(self, reference: Array, sigma: Array) -> Array:
         """Columns that span the deviations of the states, divided by sizes.
@@ -378,7 +378,7 @@ class SampledMechanism:
     def _projection(self) -> ca.Function:
         """Function (y, σ, σ̇, σ̈) -> y projected onto the constraints, and derivatives by y, σ and σ̇, side by side."""
         symbols, rows = self.symbols, self.state_indices
-        projected = _projected(symbols)[rows]
+        projected = _projected_states(symbols)[rows]
         causes = symbols.state[rows], *symbols.motion[:2]
         columns = ca.horzcat(projected, *(ca.jacobian(projected, x) for x in causes))
         return ca.Function("projection", symbols.arguments, [ca.densify(columns)])
@@ -410,7 +410,7 @@ class SampledMechanism:
         return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
 
 
-def _projected(symbols: GoalSymbols) -> ca.SX:
+def _projected_states(symbols: GoalSymbols) -> ca.SX:
     """Expressions of all states, projected onto the constraints."""
     project = symbols.model.project
     return symbols.state if project is None else project(*symbols.model_arguments[:4])

@@ -67,19 +67,18 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     for name, value in named("at", at, PlanError).items():
         if not np.all(np.isfinite(numbers(f"at: {name}", value, PlanError))):
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
-    usual = component(motion).experiment.step_size
-    H = usual if step_size is None else step_size
-    goal = Goal(motion, move_names(motion, moves), (H, H), values, at)
-    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_STEPS_PER_TIME * H)
-    if step_size is None and sampled.moves_freely:
-        H = _round_down(sampled.time / _STEPS_PER_RADIAN)
+    period = step_size or component(motion).experiment.step_size
+    goal = Goal(motion, move_names(motion, moves), (period, period), values, at)
+    sampled = SampledMechanism(goal, at, interpolate=False, time=period, longest=_STEPS_PER_TIME * period)
+    if step_size is None and sampled.has_free_motion:
+        period = _round_down(sampled.time / _STEPS_PER_RADIAN)
     rates = by_name(sampled.names, sampled.rates(sampled.start[sampled.state_indices], sampled.sigma))
     rates |= {m: sampled.sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
     sizes = by_name(sampled.states, sampled.sizes)
     worst = max(rates, key=lambda name: abs(rates[name]) / sizes[name], default="")
     if worst and not abs(rates[worst]) * sampled.time <= 1e-9 * sizes[worst]:
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {rates[worst]:.3g}")
-    return sampled, H
+    return sampled, period
 
 
 def _round_down(value: float) -> float:

@@ -34,7 +34,7 @@ class Row:
     size: float = 1.0
 
     @property
-    def relative(self) -> ca.SX:
+    def relative_expression(self) -> ca.SX:
         """The expression divided by its size."""
         return self.expression / self.size
 
@@ -62,7 +62,7 @@ class GoalRows:
     @property
     def relative_cost_and_path(self) -> ca.SX:
         """Column of the cost and of the rows along the motion, each divided by its size."""
-        return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
+        return ca.vertcat(self.cost / self.cost_size, *(row.relative_expression for row in self.path))
 
 
 def goal_rows(symbols: GoalSymbols) -> GoalRows:

@@ -141,7 +141,7 @@ class _Phase:
         return with_sizes(self.symbols, rows)
 
 
-def problem_of(goal: Goal) -> Problem:
+def optimal_control_problem(goal: Goal) -> Problem:
     """The problem of optimal control of a goal, with or without phases.
 
     :raises PlanError: for an unknown name or mode, with the nearest one, or what cannot be reached.
@@ -232,6 +232,7 @@ def _independent_rows(
         columns = stack((one.expression - one.nearest_to_zero) / one.size for one in (*independent, row))
         results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
         function = ca.Function("rows", [X, symbols.motion[2]], results)
+        values = gradients = np.zeros((0, 0))
         for _ in range(_PROJECTIONS):
             values, gradients = map(np.array, function(x, 0))  # σ̈ = 0
             if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
@@ -269,17 +270,17 @@ class _Junction:
         return [symbols.sizes[c.variable("force")] * symbols.time for c in self.before.contacts]
 
     @cached_property
-    def struck(self) -> list[int]:
+    def struck_gaps(self) -> list[int]:
         """Indices of the gaps that close or bounce at the junction."""
         after = self.after
         opens = [i for i, closed in self.before.gaps.items() if not closed]
         return [i for i in opens if after.gaps[i] or after.contacts[i].name in after.named]
 
     @cached_property
-    def jumping(self) -> list[int]:
+    def impact_gaps(self) -> list[int]:
         """Indices of the gaps that have an impact: those that bounce, or close without restitution."""
         symbols, e = self.before.symbols, self.before.contact_terms["restitution"]
-        return [i for i in self.struck if not self.after.gaps[i] or symbols.evaluate(e[i], 0.0).item() == 0]
+        return [i for i in self.struck_gaps if not self.after.gaps[i] or symbols.evaluate(e[i], 0.0).item() == 0]
 
     def rows(self) -> Rows:
         """All conditions as one function.
@@ -308,9 +309,9 @@ class _Junction:
     def _gap_rows(self, i: int, gap: ca.SX, v: ca.SX) -> Iterator[Row]:
         """Conditions on the i-th gap, from its value and its rate before."""
         name, stays, terms = self.before.contacts[i].name, self.after.gaps[i], self.before.contact_terms
-        jumps = i in self.jumping
-        is_pushed = bool(self.jumping) if stays else jumps
-        if i in self.struck:
+        jumps = i in self.impact_gaps
+        is_pushed = bool(self.impact_gaps) if stays else jumps
+        if i in self.struck_gaps:
             yield Row(name, gap)
             if not jumps:
                 yield Row(suffixed(name, "_dot"), v)
@@ -327,11 +328,11 @@ class _Junction:
         """
         before, name, normal = self.before, self.before.contacts[i].name, self.before.normal(i)
         earlier, later = before.frictions.get(i), self.after.frictions.get(i)
-        if normal in self.jumping and later is None:
+        if normal in self.impact_gaps and later is None:
             raise PlanError(
                 f"{before.symbols.name}: {before.contacts[i].normal} bounces where {name} rubs; let it close"
             )
-        rubs = normal >= 0 and later is not None and bool(self.jumping)
+        rubs = normal >= 0 and later is not None and bool(self.impact_gaps)
         if rubs:
             most = before.contact_terms["slide"][i] * self.impulses[normal] * (self.sizes[normal] / self.sizes[i])
             signs, high = ((later,), 0.0) if later else ((1, -1), np.inf)
@@ -339,7 +340,7 @@ class _Junction:
         else:
             yield Row("", self.impulses[i])
         slips = bool(later) and not rubs and earlier is not None and earlier != later
-        if (slips and earlier) or (later == 0 and (earlier != 0 or self.jumping)):
+        if (slips and earlier) or (later == 0 and (earlier != 0 or self.impact_gaps)):
             yield Row(name, before.contact_terms["v"][i])
         if slips:
             stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})

@@ -25,7 +25,7 @@ from liaisons.planning.goals import (
     move_names,
 )
 from liaisons.planning.guesses import guesses, refuse_invariants
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem
 from liaisons.planning.searching import COARSE_INTERVALS, SearchSettings, refuse_singularity, search
@@ -121,23 +121,23 @@ def plan(
     title = f"plan {', '.join(names)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
-        problem = problem_of(goal)
+        problem = optimal_control_problem(goal)
         if loops > 1:
             goal = _goal_of_one_loop(goal, problem, loops)
-            problem = problem_of(goal)
+            problem = optimal_control_problem(goal)
         if not phases:
-            refuse_invariants(problem.relative)
-        starts = guesses(problem.relative, intervals if phases else min(COARSE_INTERVALS, intervals))
+            refuse_invariants(problem.relative_problem)
+        starts = guesses(problem.relative_problem, intervals if phases else min(COARSE_INTERVALS, intervals))
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
-        solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
+        solution = search(problem.relative_problem, starts, clock, SearchSettings(intervals, accuracy, tries))
     _refuse_vanishing_phases(solution)
     if minimize == "motion":
         refuse_singularity(solution)
     return Plan(goal, problem, in_si(problem, solution))
 
 
-def planned(path: Path | str, *, progress: bool = False) -> Plan:
+def plan_from_file(path: Path | str, *, progress: bool = False) -> Plan:
     """Run :func:`plan` with the arguments of a TOML file.
 
     ::

@@ -24,7 +24,7 @@ from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, is_named
 from liaisons.planning.goals import Goal, by_name, checked_phases, duration_range, motion_names
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
     DEGREE,
@@ -267,7 +267,7 @@ class Plan:
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
             goal = _read_goal(document["goal"], component, trust=trust)
-            problem = problem_of(goal)
+            problem = optimal_control_problem(goal)
             solution = _read_solution(problem, document["track"], document["solution"])
         except LiaisonsError as error:
             raise PlanError(f"{path} is no saved plan: {error}") from None

@@ -46,9 +46,9 @@ class Rows:
         """Indices of the rows with equal bounds."""
         return [int(i) for i in np.flatnonzero(self.low == self.high)]
 
-    def relative(self, *sizes: Array) -> Rows:
+    def in_relative_units(self, *sizes: Array) -> Rows:
         """The constraints divided by their sizes, as a function of arguments divided by theirs."""
-        function = _in_relative_units(self.function, self.sizes, *sizes)
+        function = _relative_function(self.function, self.sizes, *sizes)
         return replace(self, function=function, low=self.low / self.sizes, high=self.high / self.sizes)
 
     def violation(self, values: Array) -> Array:
@@ -114,7 +114,7 @@ class Problem:
         return np.array(self.end.function(state)).ravel()
 
     @cached_property
-    def relative(self) -> Problem:
+    def relative_problem(self) -> Problem:
         """The problem in units of its scales, whose numbers do not depend on units."""
         scales, X, U = self.scales, self.scales.states, self.scales.controls
         sizes, shape = by_name(self.states, X), U * scales.time**self.control_order
@@ -124,15 +124,17 @@ class Problem:
             initial_state=self.initial_state / X,
             terminal_state={name: value / sizes[name] for name, value in self.terminal_state.items()},
             initial_sigma=self.initial_sigma / shape,
-            rates=_in_relative_units(self.rates, X / scales.time, X, U),
-            cost=_in_relative_units(self.cost, np.array([scales.cost / scales.time]), X, U),
-            path=self.path.relative(X, U),
-            start=self.start.relative(X),
-            end=self.end.relative(X),
+            rates=_relative_function(self.rates, X / scales.time, X, U),
+            cost=_relative_function(self.cost, np.array([scales.cost / scales.time]), X, U),
+            path=self.path.in_relative_units(X, U),
+            start=self.start.in_relative_units(X),
+            end=self.end.in_relative_units(X),
             duration=(low / scales.time, high / scales.time),
-            mass=_in_relative_units(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
-            phases=tuple(phase.relative for phase in self.phases),
-            junctions=tuple(rows.relative(X, X, np.ones(rows.function.size1_in(2)), U) for rows in self.junctions),
+            mass=_relative_function(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
+            phases=tuple(phase.relative_problem for phase in self.phases),
+            junctions=tuple(
+                rows.in_relative_units(X, X, np.ones(rows.function.size1_in(2)), U) for rows in self.junctions
+            ),
         )
 
 
@@ -194,22 +196,22 @@ def _problem_in_states(
     values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
     controls = tuple(motion_names(move)[order] for move in goal.moves)
 
-    def substituted(expression: ca.SX) -> ca.SX:
+    def with_constants(expression: ca.SX) -> ca.SX:
         """An expression with the initial values of the states that are constant."""
         return ca.cse(ca.densify(ca.substitute(ca.SX(expression), fixed, values)))
 
     def function(label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
         """Function of the arguments, of state and controls unless given."""
-        return ca.Function(label, arguments or [X, U], [substituted(expression)])
+        return ca.Function(label, arguments or [X, U], [with_constants(expression)])
 
-    def compiled(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
+    def rows_function(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
         """One function of the rows among the candidates that a plan can change."""
-        chosen = [r for r in candidates if _can_change(symbols, r, substituted(r.expression), arguments, label)]
+        chosen = [r for r in candidates if _can_change(symbols, r, with_constants(r.expression), arguments, label)]
         low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
         rows = function(label, stack(row.expression for row in chosen), *arguments)
         return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
 
-    path = compiled("path", rows.path, X, U)
+    path = rows_function("path", rows.path, X, U)
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
         raise PlanError(f"{symbols.name}: minimize = 'time' would take none: bound {', '.join(controls)}, or forces")
     _refuse_ends_of_controls(symbols, rows, U, controls)
@@ -228,8 +230,8 @@ def _problem_in_states(
         rates=function("rates", ca.vertcat(*(state.rate for state in states))),
         cost=function("cost", rows.cost),
         path=path,
-        start=compiled("start", rows.start, X),
-        end=compiled("end", rows.end, X),
+        start=rows_function("start", rows.start, X),
+        end=rows_function("end", rows.end, X),
         closed=tuple(names.index(name) for name in closed if name in names),
         duration=goal.duration,
         constrained=any(getattr(symbols.component, kind, ()) for kind in constraints),
@@ -272,7 +274,7 @@ def _control_order(symbols: GoalSymbols, rows: GoalRows) -> int:
     value, rate, acceleration = symbols.motion
     declared = set(symbols.goal.moves) - set(symbols.start)  # where σ would start if it could not jump at once
     start = (row for row in rows.start if row.label not in declared)
-    ends = ca.vertcat(*(row.relative for row in (*start, *rows.end)))
+    ends = ca.vertcat(*(row.relative_expression for row in (*start, *rows.end)))
     along = ca.vertcat(symbols.relative_rates, rows.relative_cost_and_path)
     curved = symbols.depends(symbols.scaled_jacobian(symbols.relative_rates, rate), rate)
     if curved or symbols.depends(ca.vertcat(ends, along), acceleration) or symbols.depends(ends, rate):
@@ -322,7 +324,9 @@ def _needed_states(symbols: GoalSymbols, states: list[StateCandidate], rows: Goa
     """Names of the states on which constraints and cost depend, directly or through rates."""
     column = stack(state.symbol for state in states)
     uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)
-    acting = symbols.dependencies(ca.vertcat(rows.relative_cost_and_path, *(row.relative for row in rows.end)), column)
+    acting = symbols.dependencies(
+        ca.vertcat(rows.relative_cost_and_path, *(row.relative_expression for row in rows.end)), column
+    )
     first = np.any([*acting, [state.name in closed for state in states]], axis=0)
     needed = {states[i].name for i in closure(uses, first)}
     if not needed:
@@ -362,7 +366,7 @@ def _refuse_ends_of_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.
     """Raise an error if rows at start or end depend on controls, which may take any value at an instant."""
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
-            if symbols.depends(row.relative, controls):
+            if symbols.depends(row.relative_expression, controls):
                 raise PlanError(
                     f"{symbols.name}: {label}: {row.label} depends on {', '.join(names)}, which may be anything at a "
                     f"single instant: ask for states, or set bounds on {row.label}"
@@ -405,7 +409,7 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
             )
 
 
-def _in_relative_units(function: ca.Function, value_size: Array, *sizes: Array) -> ca.Function:
+def _relative_function(function: ca.Function, value_size: Array, *sizes: Array) -> ca.Function:
     """The function of arguments in units of their sizes, whose value is in units of its size."""
     arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
     result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))

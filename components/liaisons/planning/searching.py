@@ -225,7 +225,7 @@ def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, cl
             return candidate
     if problem.phases:
         return replace(nearest, status=candidate.status)
-    arcs, durations = _arcs(_active_patterns(nearest), nearest.trajectory)
+    arcs, durations = _arcs(_active_bounds(nearest), nearest.trajectory)
     if low < high and len(arcs) > 1 and end_miss(nearest) < _BLURRED_MISS:
         candidate = solve(problem, trajectory.interpolated(arcs, durations), clock)
         if candidate.ends_search:
@@ -284,7 +284,7 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
     solution is better, the given one is returned.
     """
     best, problem, trajectory = solution, solution.problem, solution.trajectory
-    patterns = (_optimal_patterns if len(trajectory.arcs) > 1 else _active_patterns)(solution)
+    patterns = (_optimal_bounds if len(trajectory.arcs) > 1 else _active_bounds)(solution)
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
@@ -308,7 +308,7 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
             undercut = _HIGHER_COST if _sort_key(candidate) < _sort_key(best) else _SIMILAR_COST
         if candidate.cost <= best.cost + undercut * max(abs(best.cost), MULTIPLIER_ERROR):
             best = candidate
-        patterns = _optimal_patterns(candidate)
+        patterns = _optimal_bounds(candidate)
         if patterns is None:
             break
         arcs, durations = _arcs(patterns, trajectory)
@@ -340,7 +340,7 @@ def _has_continuous_bounds(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     )
 
 
-def _optimal_patterns(solution: Solution) -> list[_ActiveBounds] | None:
+def _optimal_bounds(solution: Solution) -> list[_ActiveBounds] | None:
     """Active bounds at each point at which the Hamiltonian is least; None if they are those of the solution."""
     problem, trajectory, path = solution.problem, solution.trajectory, solution.problem.path
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
@@ -364,7 +364,7 @@ _ActiveBounds = tuple[tuple[int, float], ...]
 """Rows of the path with the bounds at which they are held."""
 
 
-def _active_patterns(solution: Solution) -> list[_ActiveBounds]:
+def _active_bounds(solution: Solution) -> list[_ActiveBounds]:
     """Active bounds at each point, of rows that controls can hold there.
 
     Runs of few points take those of their neighbours.
@@ -377,27 +377,27 @@ def _active_patterns(solution: Solution) -> list[_ActiveBounds]:
     holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
     span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
 
-    def held(column: Array) -> _ActiveBounds:
+    def bounds_at_point(column: Array) -> _ActiveBounds:
         """Active bounds at a point with these values of the rows."""
         ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
         rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _AT_BOUND * span[i]]
         return tuple(rows[: len(problem.controls)])
 
-    patterns = [held(column) for column in solution.trajectory.evaluate(path.function).T]
-    lengths = np.array([length for _, length in _consecutive(patterns)])
+    patterns = [bounds_at_point(column) for column in solution.trajectory.evaluate(path.function).T]
+    lengths = np.array([length for _, length in _equal_runs(patterns)])
     lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
     nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
     return [patterns[lasting[i]] for i in nearest]
 
 
-def _consecutive(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
+def _equal_runs(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
     """Runs of equal patterns, each with its number of points."""
     return [(pattern, len(list(run))) for pattern, run in groupby(patterns)]
 
 
 def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs with constant active bounds, and their durations."""
-    runs = _consecutive(patterns)
+    runs = _equal_runs(patterns)
     cuts = np.cumsum([length for _, length in runs])[:-1]
     instants, total = trajectory.instants, trajectory.breaks[-1]
     edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])

@@ -69,7 +69,7 @@ class GoalSymbols:
         return [self.state, *self.motion]
 
     @property
-    def moved(self) -> dict[str, ca.SX]:
+    def motion_symbols(self) -> dict[str, ca.SX]:
         """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
         names = [(i, motion_names(move)) for i, move in enumerate(self.goal.moves)]
         return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
@@ -78,7 +78,13 @@ class GoalSymbols:
     def model_arguments(self) -> tuple[Any, ...]:
         """Arguments of the model's functions: time, states, inputs, parameters and memory."""
         y = ca.vertcat(self.state, 0, 0)
-        return 0, y, stack((self.inputs | self.moved).values()), stack(self.parameters.values()), ca.DM(self.memory)
+        return (
+            0,
+            y,
+            stack((self.inputs | self.motion_symbols).values()),
+            stack(self.parameters.values()),
+            ca.DM(self.memory),
+        )
 
     @cached_property
     def rates(self) -> ca.SX:
@@ -89,7 +95,7 @@ class GoalSymbols:
     @cached_property
     def initial_state(self) -> ca.SX:
         """The state at the start, as an expression of symbols for its start values."""
-        inputs = self.inputs | {move: self.moved[move] for move in self.goal.moves}
+        inputs = self.inputs | {move: self.motion_symbols[move] for move in self.goal.moves}
         for move in self.goal.moves:
             _, rate, acceleration = motion_names(move)
             inputs |= {rate: finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
@@ -104,7 +110,7 @@ class GoalSymbols:
         z = ca.vertsplit(self.model.outputs_function(*self.model_arguments))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= by_name(self.state_names, ca.vertsplit(self.state))
-        values = self.inputs | self.moved | self.parameters
+        values = self.inputs | self.motion_symbols | self.parameters
         return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
 
     @property

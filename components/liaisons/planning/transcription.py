@@ -206,15 +206,15 @@ class Solution:
 
 def in_si(problem: Problem, solution: Solution) -> Solution:
     """A solution of the problem in relative units as one in SI units."""
-    return _scaled(problem, solution, 1)
+    return _rescaled_solution(problem, solution, 1)
 
 
 def in_relative_units(problem: Problem, solution: Solution) -> Solution:
     """A solution in SI units as one of the problem in relative units."""
-    return _scaled(problem.relative, solution, -1)
+    return _rescaled_solution(problem.relative_problem, solution, -1)
 
 
-def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
+def _rescaled_solution(problem: Problem, solution: Solution, power: int) -> Solution:
     """A solution of the same problem in other units, as one of this problem.
 
     :param power: of the scales by which its numbers are multiplied, 1 or -1.
@@ -223,7 +223,7 @@ def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
-    def held(i: int, bound: float) -> tuple[int, float]:
+    def active_bound(i: int, bound: float) -> tuple[int, float]:
         """The active bound of the i-th row in the units of this problem."""
         return i, float(problem.path.low[i] if bound == path.low[i] else problem.path.high[i])
 
@@ -235,7 +235,8 @@ def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
         problem=problem,
         trajectory=CollocatedTrajectory(
             arcs=tuple(
-                replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
+                replace(arc, active_bounds=tuple(active_bound(*row) for row in arc.active_bounds))
+                for arc in trajectory.arcs
             ),
             durations=trajectory.durations * time,
             knots=trajectory.knots * X,
@@ -358,7 +359,7 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
     yield from _loop_start_constraint(problem, program)
 
 
-def curvature(solution: Solution, clock: Clock) -> Array | None:
+def reduced_hessian_eigenvalues(solution: Solution, clock: Clock) -> Array | None:
     """Eigenvalues of the reduced Hessian at a solution, ascending, relative to the greatest absolute one.
 
     None if IPOPT leaves the solution, or they are not finite.

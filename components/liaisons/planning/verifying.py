@@ -14,9 +14,9 @@ from liaisons.planning.transcription import (
     Array,
     Clock,
     Solution,
-    curvature,
     interval_count,
     phase_points,
+    reduced_hessian_eigenvalues,
     solve,
 )
 from liaisons.results import Result
@@ -48,11 +48,9 @@ def verdicts(solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
         f"the search came to its end: best of {solution.starts} {'start' if solution.starts == 1 else 'starts'}, "
         f"with {solution.optima} {'optimum' if solution.optima == 1 else 'optima'}"
     )
-    ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
-
     finer = cache(partial(_on_finer_mesh, solution, clock))
     claims = [
-        ended,
+        verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0),
         *_replay_verdicts(solution, replay),
         *_hamiltonian_verdicts(solution),
         _second_order_verdict((lambda: solution, finer), clock),
@@ -74,7 +72,7 @@ def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock
     """
     eigenvalues = None
     for solution in meshes:
-        eigenvalues = None if clock.is_over else curvature(solution(), clock)
+        eigenvalues = None if clock.is_over else reduced_hessian_eigenvalues(solution(), clock)
         if eigenvalues is None or not eigenvalues.size or eigenvalues[0] >= -_ZERO_CURVATURE:
             break
     why = f"of the largest; what is less than {_ZERO_CURVATURE:g} cannot be told from 0"
@@ -208,7 +206,7 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
         # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
         by = _END_SHIFT * min(1.0, scale / size)
 
-        def displaced(parts: int) -> Solution:
+        def displaced_solution(parts: int) -> Solution:
             """The solution with the end displaced along the direction, by so many parts."""
             shift = parts * by * direction / np.linalg.norm(direction)
             return solve(solution.problem, trajectory, clock, is_near=True, shift=shift)
@@ -216,7 +214,7 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
         @cache
         def cost(parts: int) -> float:
             """Cost for the displaced end; not-a-number if it is not solved."""
-            shifted = displaced(parts)
+            shifted = displaced_solution(parts)
             return shifted.cost if shifted.succeeded else np.nan
 
         def one_sided(parts: int) -> float:
@@ -242,7 +240,7 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
             error > _SLOPE_TOLERANCE * least
         ):  # of many optima the cheapest one for this end is another, with multipliers of its own
             for _ in range(_DIRECTION_ITERATIONS):
-                direction = direction + gradient - displaced(-1).end_multipliers
+                direction = direction + gradient - displaced_solution(-1).end_multipliers
             cost.cache_clear()
             error = abs(one_sided(-1) - float(gradient @ direction) / float(np.linalg.norm(direction)))
             text = text.removesuffix(kink) + kink
