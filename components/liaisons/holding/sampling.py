@@ -68,7 +68,6 @@ class SampledMechanism:
         self.start = symbols.first_state
         self.state_indices = self._moved_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
-        self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
         rates, sigma = symbols.relative_rates, symbols.motion[0]
         is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
         held = np.flatnonzero(is_held).tolist()
@@ -344,7 +343,9 @@ class SampledMechanism:
         if self.is_constrained:
             return self._tangents(reference[: len(self.names)], sigma)
         D = np.eye(len(self.states))
-        for axes in self.quaternions.values():
+        for axes in self.symbols.quaternions.values():
+            if not set(axes) <= set(self.names):
+                continue
             i, *_ = indices = [self.states.index(axis) for axis in axes]
             w, x, y, z = reference[indices] / 2
             D[np.ix_(indices, indices[1:])] = [

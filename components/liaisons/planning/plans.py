@@ -324,7 +324,6 @@ def _tuples(value: Any) -> Any:
 
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     """The goal in a document of JSON, with its component or with another one."""
-    document = {"phases": []} | document
     if component is None:
         component = document["component"]
         if not (trust or is_named(str(component))):
@@ -337,7 +336,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    phases = checked_phases(arguments["phases"] or None)
+    phases = checked_phases(arguments.get("phases") or None)
     return Goal(
         **arguments | {"component": component, "duration": duration_range(arguments["duration"]), "phases": phases}
     )
