@@ -58,7 +58,7 @@ def main(claim: Claims) -> None:
     claim("vibration exchanges ⟨cos² θ⟩ m a² Ω³ t/π", vibrated / average, 1.0, gravity)
     claim.below("feedback exchanges less: over vibration", spent / vibrated, 1e-3, within(0.0, because="by a tenth"))
 
-    survived = regulator.survives("theta_force", 0.2, stop_time=STOP, first=1.0)
+    survived = regulator.survives("theta_force", 0.2, stop_time=STOP)
     weight = 9.81 * np.sin(TILT)
     text = f"it survives a torque of {survived:.3g} N m for 0.2 s, more than that of its weight at 0.2 rad"
     claim(text, float(survived <= weight), 0.0, within(0.0, because="a count"))

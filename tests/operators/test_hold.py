@@ -14,12 +14,12 @@ from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import lqr_gains, periodic_riccati, reachable_subspace, rest_targets, riccati_recursion
+from liaisons.holding.feedback import lqr_gains, periodic_riccati, reachable_subspace, rest_offsets, riccati_recursion
 from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 
@@ -85,7 +85,7 @@ def test_the_staircase_ends_where_control_does() -> None:
 
 def test_what_cannot_be_moved_is_made_up_for() -> None:
     V, U = np.eye(2)[:, :1], np.eye(2)[:, 1:]
-    target, missed = rest_targets(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
+    target, missed = rest_offsets(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
     assert (target.item(), missed.item()) == pytest.approx((-2, 0))
 
 
@@ -141,7 +141,7 @@ def test_a_pendulum_comes_back_within_bounds_and_survives_a_push() -> None:
     assert np.abs(acceleration).max() <= 6 + 1e-9
     assert np.abs(acceleration).max() > 5.5
     free = hold("Pendulum", **HELD["Pendulum"])
-    pushed, kept = (r.survives("theta_force", 0.2, stop_time=8.0, first=1.0) for r in (free, regulator))
+    pushed, kept = (r.survives("theta_force", 0.2, stop_time=8.0) for r in (free, regulator))
     assert 1.0 < kept < pushed
 
 
@@ -344,7 +344,7 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
     regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), sampled_mechanism(motion)
     trajectory, limits = regulator.trajectory, regulator.correction_limits
     least, most = limits["lowest"].T, limits["highest"].T
-    for (x, sigma), low, high in zip(trajectory.points, least, most, strict=True):
+    for (x, sigma), low, high in zip(trajectory.states_and_motion, least, most, strict=True):
         point = sampled.full_state(x[: len(sampled.names)]), *sigma.T
         forces, masses = np.hsplit(np.array(sampled.forces_and_mass(*point)), [1])
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
@@ -426,7 +426,7 @@ def in_units(name: str, scale: Scale) -> Plan:
         duration=times(goal.duration, scale[2]),
         values=parameters(goal.component, scale, dict(goal.values), goal.moves),
     )
-    return Plan(goal, problem_of(goal), replace(solution, trajectory=trajectory))
+    return Plan(goal, optimal_control_problem(goal), replace(solution, trajectory=trajectory))
 
 
 @pytest.mark.slow
@@ -548,7 +548,6 @@ def test_what_is_no_push_is_refused(caplog: pytest.LogCaptureFixture) -> None:
         ({"duration": -1}, "survives: duration = -1: must be > 0"),
         ({"duration": 1, "stop_time": 1}, "stop_time = 1 s: must be greater than the push, duration = 1 s"),
         ({"duration": 1, "stop_time": 1e9}, "points, and 8 signals at each of them .* of memory"),
-        ({"duration": 1, "first": 0}, "survives: first = 0: must be > 0"),
         ({"duration": 1, "port": "x_fource"}, "no input 'x_fource' is free; did you mean 'x_force'"),
     ):
         with pytest.raises(LiaisonsError, match=message):

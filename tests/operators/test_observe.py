@@ -51,7 +51,7 @@ def test_multipliers_are_those_of_the_innovation() -> None:
     """(I - K C) F of the filter, from two samples of its own function beside the mechanism's."""
     observer = observe("Pendulum", step_size=0.02, **UPRIGHT, **ANGLE)
     model, sigma = observer.model, observer.model.sampled.sigma
-    step, x = model.step(observer.covariance), model.start
+    step, x = model.filter_step(observer.covariance), model.start
 
     def after(off: np.ndarray) -> np.ndarray:
         """The estimate where the mechanism is at rest, and it was off before."""
@@ -86,7 +86,7 @@ def test_the_extended_filter_at_rest_tends_to_the_steady_one(name: str) -> None:
     """Its covariance, in all redundant states and without Riccati's equation."""
     observer = pushed(name)
     model, sigma, n = observer.model, observer.model.sampled.sigma, len(observer.model.states)
-    step, y = model.step(None), np.array(model.measure(model.start, sigma)[0])
+    step, y = model.filter_step(None), np.array(model.measure(model.start, sigma)[0])
     columns, rows = np.triu_indices(n)
     P = 0.01 * observer.directions @ observer.directions.T
     x, innovations = model.start, y
@@ -122,7 +122,7 @@ def test_quaternions_stay_on_their_sphere() -> None:
     observer = satellite()
     model = observer.model
     assert model.measured == ("q_w", "q_x", "q_y", "q_z")
-    step, n, x, sigma = model.step(None), len(model.states), model.start, model.sampled.sigma
+    step, n, x, sigma = model.filter_step(None), len(model.states), model.start, model.sampled.sigma
     columns, rows = np.triu_indices(n)
     triangle, random = observer.covariance[rows, columns], np.random.default_rng(2)
     for k in range(5):
@@ -158,7 +158,7 @@ def test_the_fmu_computes_the_function() -> None:
     controller, observer = held_pendulum(), held_pendulum().observer
     assert observer is not None
     run = controller.simulate(2.0, theta_0=np.pi + 0.1)
-    step, x, begin = observer.model.step(observer.covariance), observer.model.start, np.zeros((1, 3))
+    step, x, begin = observer.model.filter_step(observer.covariance), observer.model.start, np.zeros((1, 3))
     estimates = []
     for k in range(len(run.time)):
         end = np.array([[run[f"Pendulum_pivot_x.{y}"][k] for y in ("y", "y_dot", "y_ddot")]])

@@ -127,17 +127,18 @@ def test_a_ball_is_kept_bouncing_by_a_table_that_comes_back() -> None:
     assert (run["gap_impacts"] == (run.time > motion.switches[0] * (1 + 1e-12))).all()
 
 
-def test_a_block_moves_by_stick_and_slip_alone() -> None:
+@pytest.mark.parametrize(("sign", "mode"), [(1, "forward"), (-1, "backward")])
+def test_a_block_moves_by_stick_and_slip_alone(sign: int, mode: str) -> None:
     """A plate carries it to x with the speed v and comes back, while it slides on for v²/2μg."""
     friction = 0.3
     motion = plan(
         "DryOscillator",
         "belt",
         start={"x": 0.0},
-        end={"x": 0.1, "x_dot": 0, "belt": 0, "belt_dot": 0},
+        end={"x": sign * 0.1, "x_dot": 0, "belt": 0, "belt_dot": 0},
         duration=2.0,
         minimize="belt_ddot**2",
-        phases=[{"slip": "sticks"}, {"slip": "forward"}],
+        phases=[{"slip": "sticks"}, {"slip": mode}],
         tries=1,
         stiffness=0.0,
         mu_static=friction,

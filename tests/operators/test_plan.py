@@ -19,10 +19,10 @@ from scipy.sparse import csc_matrix
 from liaisons import Plan, System, plan
 from liaisons.errors import PlanError
 from liaisons.planning import transcription
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.plans import _even_step
 from liaisons.planning.searching import _satisfies_equations
-from liaisons.planning.transcription import Clock, curvature, relative
+from liaisons.planning.transcription import Clock, in_relative_units, reduced_hessian_eigenvalues
 from liaisons.planning.verifying import (
     _cost_verdicts,
     _on_finer_mesh,
@@ -146,7 +146,7 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     values[replay.names.index("psi_1"), -1] += 1e-6
     refused = [
         v.claim
-        for v in _replay_verdicts(relative(motion.problem, motion.solution), replace(replay, values=values))
+        for v in _replay_verdicts(in_relative_units(motion.problem, motion.solution), replace(replay, values=values))
         if not v.passed
     ]
     assert refused == ["what has to close is closed"]
@@ -219,7 +219,7 @@ def test_the_slope_of_the_cost_is_told_on_both_sides_or_on_one(
 ) -> None:
     """Costs of other ends are made up: their slopes on both sides, in multipliers, and a curvature; None: refused."""
     motion = crane(accuracy=None, tries=1)
-    solution = relative(motion.problem, motion.solution)
+    solution = in_relative_units(motion.problem, motion.solution)
     gradient = solution.end_multipliers
     size, scale = float(np.linalg.norm(gradient)), abs(solution.cost)
 
@@ -524,7 +524,7 @@ def test_loops_are_asked_for_by_a_number() -> None:
 def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
     motion = oscillator(0.7, tries=1)
     H = motion.solution.hamiltonian
-    size = hamiltonian_scale(relative(motion.problem, motion.solution))
+    size = hamiltonian_scale(in_relative_units(motion.problem, motion.solution))
     size *= motion.problem.scales.cost / motion.problem.scales.time
     tilted = H + 1e-5 * size * np.linspace(0, 1, H.size)
     assert failed(motion, hamiltonian=tilted - tilted.mean()) == ["the Hamiltonian is constant"]
@@ -535,7 +535,7 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
 @pytest.mark.parametrize(("intervals", "passed"), [(2, False), (10, True)])
 def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: int, passed: bool) -> None:
     motion = crane(intervals=intervals, accuracy=None, tries=1)
-    solution = relative(motion.problem, motion.solution)
+    solution = in_relative_units(motion.problem, motion.solution)
     finer = next(_cost_verdicts(solution, lambda: _on_finer_mesh(solution, Clock()), Clock()))
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
@@ -543,7 +543,7 @@ def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: i
 
 def test_a_motion_that_the_equations_leave_is_not_believed() -> None:
     motion = crane(tries=1)
-    solution = relative(motion.problem, motion.solution)
+    solution = in_relative_units(motion.problem, motion.solution)
     knots = solution.trajectory.knots + 1e-4 * np.eye(*solution.trajectory.knots.shape)
     assert _satisfies_equations(solution)
     assert not _satisfies_equations(replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
@@ -554,14 +554,14 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order(monkeypatch:
     goal: dict[str, Any] = {"start": {"pivot_x": 0}, "end": {"pivot_x": 0}, "duration": 1.0, "tries": 1}
     least = plan("Pendulum", "pivot_x", minimize="pivot_x_dot**2 - 3**2*pivot_x**2", **goal)  # 3 < π
     verified(least)
-    beyond = problem_of(replace(least.goal, minimize="pivot_x_dot**2 - 3.3**2*pivot_x**2"))  # 3.3 > π
-    arguments = relative(beyond, least.solution), Clock()
-    eigenvalues = curvature(*arguments)
+    beyond = optimal_control_problem(replace(least.goal, minimize="pivot_x_dot**2 - 3.3**2*pivot_x**2"))  # 3.3 > π
+    arguments = in_relative_units(beyond, least.solution), Clock()
+    eigenvalues = reduced_hessian_eigenvalues(*arguments)
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
     with monkeypatch.context() as patch:  # numbers that are not finite
         patch.setattr(transcription, "csc_matrix", lambda matrix: csc_matrix(matrix * np.nan))
-        assert curvature(*arguments) is None
+        assert reduced_hessian_eigenvalues(*arguments) is None
     solution, clock = arguments
     assert not _second_order_verdict([lambda: solution, lambda: _on_finer_mesh(*arguments)], clock).passed
 

@@ -25,10 +25,10 @@ def plan(
     Writes the plan (.json), its figure (.png), its animation (.gif) and its system (.ssp), and prints verdicts.  Exit
     status 1 when one of them fails.
     """
-    from liaisons.planning import planned
+    from liaisons.planning import plan_from_file
 
     folder = output or Path()
-    motion = planned(goal, progress=True)
+    motion = plan_from_file(goal, progress=True)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / goal.stem
     motion.save(path.with_suffix(".json"))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.base.arguments import finite, merged, positive, shown
+from liaisons.base.arguments import merged, positive, shown
 from liaisons.base.logs import ignored_warnings
 from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
@@ -20,13 +20,13 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, PlanError, suggestion
-from liaisons.holding.observers import Observer, add_mechanism, normal_verdict
+from liaisons.holding.observers import Observer, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
-from liaisons.library import Target, fmu_file
+from liaisons.library import fmu_file
 from liaisons.models import regulator
-from liaisons.planning.goals import Array, by_name, motion_names
+from liaisons.planning.goals import Array, Goal, by_name, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -58,17 +58,17 @@ class ReferenceTrajectory:
     after: After
 
     @property
-    def points(self) -> Iterator[tuple[Array, Array]]:
-        """States, and σ with its rates, at each communication point."""
+    def states_and_motion(self) -> Iterator[tuple[Array, Array]]:
+        """States (states,), and σ with its two rates (moves, 3), at each communication point in turn."""
         return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
 
-    def next_jump_times(self, spacing: float) -> Array:
-        """Instant of the next jump of σ or of its rate, for each communication point [s]; 1e30 if there is none.
+    def next_jump_times(self, jump_width: float) -> Array:
+        """Instant of the next jump of σ or of its rates after each communication point [s]; 1e30 if there is none.
 
-        :param spacing: two points closer than this [s] whose motion differs are the two sides of a jump.
+        :param jump_width: two points closer than this [s] whose motion differs are the two sides of a jump.
         """
         differs = np.any(np.diff(self.motion, axis=2) != 0, axis=(0, 1))
-        jumps = self.times[1:][differs & (np.diff(self.times) < spacing)]
+        jumps = self.times[1:][differs & (np.diff(self.times) < jump_width)]
         return np.append(jumps, _NO_JUMP)[np.searchsorted(jumps, self.times, side="right")]
 
 
@@ -81,7 +81,7 @@ class Controller:
     """
 
     name: str  # of the component
-    component: Target
+    goal: Goal  # the mechanism with its initial state
     moves: tuple[str, ...]
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
@@ -100,7 +100,6 @@ class Controller:
     sizes: Array  # of the states, by which deviations are divided
     energy: float  # kinetic energy of a motion by these sizes in the time below [J]
     time: float  # in which states change by their sizes [s]
-    values: Mapping[str, float]  # of parameters, as given
     starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
     perturbations: tuple[Mapping[str, float], ...]  # differences of start values that span the directions
     observer: Observer | None = None  # its estimates are read instead of the states that it estimates
@@ -114,18 +113,18 @@ class Controller:
     def floquet_multipliers(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop over one step or one round, greatest first; 1 for conserved quantities.
 
-        For a plan that does not return the singular values: factors of deviations from start to end.
+        If a plan does not end where it begins: singular values, the factors of deviations from start to end.
         """
         return self._multipliers(self.loop)
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
-        """Multipliers of the closed loop in the controllable directions; all lie inside the unit circle."""
+        """Floquet multipliers of the controllable directions, all of them inside the unit circle."""
         reach = self.reach
         return self._multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 
     def _multipliers(self, matrix: Array) -> NDArray[np.complex128]:
-        """Eigenvalues of a matrix, greatest first; its singular values unless the trajectory returns."""
+        """Eigenvalues of a matrix, greatest first; if the plan does not end where it begins, its singular values."""
         if not self.returns:
             return np.linalg.svd(matrix, compute_uv=False).astype(complex)
         eigenvalues = np.linalg.eigvals(matrix).astype(complex)
@@ -137,10 +136,10 @@ class Controller:
         :param start_values: start values that differ from the reference trajectory: of the mechanism, ``theta_0=3.3``,
             and of σ, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._connected_system(merged(self.name, start_values, keywords, PlanError), announced=True)
+        return self._connected_system(merged(self.name, start_values, keywords, PlanError), announces_samples=True)
 
-    def _connected_system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
-        """:meth:`system`; if announced, regulators tell samples to importers that choose their communication points."""
+    def _connected_system(self, start_values: Mapping[str, float], *, announces_samples: bool = False) -> System:
+        """:meth:`system`; its regulators may announce their samples, for importers that choose communication points."""
         system = System(f"held_{self.name}")
         starts: dict[str, Any] = {**self.starts, **start_values}
         trajectory, sources, regulators = self.trajectory, {}, []
@@ -149,7 +148,7 @@ class Controller:
             settings: dict[str, Any] = {
                 "period": self.step_size,
                 "input_reconstruction": 0,
-                "announced": float(announced),
+                "announced": float(announces_samples),
             }
             fmu, columns = self._regulator_fmu(i)
             settings |= columns
@@ -163,8 +162,9 @@ class Controller:
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
-        follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
-        mechanism = add_mechanism(system, self.name, self.component, self.values, **follows, **starts)
+        follows = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
+        starts = {**self.goal.parameters, **follows, **starts}
+        mechanism = system.add(self.name, self.goal.fmu, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
         if self.observer:
@@ -177,7 +177,7 @@ class Controller:
 
     @property
     def _settling(self) -> float:
-        """Duration of the settling that is simulated [s], in whole steps."""
+        """Duration of a simulated settling [s], in whole steps."""
         return self.step_size * float(np.ceil(_SETTLING * self.time / self.step_size))
 
     @property
@@ -186,7 +186,7 @@ class Controller:
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
     def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Array]]:
-        """FMU of the regulator of a moved coordinate, and its table as parameters unless a file has it."""
+        """FMU of the i-th regulator, and its table as parameters; none if the table is a file in the FMU."""
         trajectory, gains = self.trajectory, self.gains[:, i]
         columns = by_name(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i])
         columns |= {name: values[i] for name, values in self.correction_limits.items()}
@@ -195,7 +195,7 @@ class Controller:
             "instant": trajectory.times,
             "next_jump": trajectory.next_jump_times(_JUMP_DISTANCE * self.step_size),
             "offset": np.sum(gains.T * trajectory.states, axis=0),
-            "advance": self._round_change @ gains.T,
+            "advance": self._change_in_round @ gains.T,
         }
         fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
@@ -206,8 +206,8 @@ class Controller:
         return with_table(fmu, np.array(rows)), {}
 
     @property
-    def _round_change(self) -> Array:
-        """Change of each cyclic coordinate in a round, 0 for other states."""
+    def _change_in_round(self) -> Array:
+        """Changes of the states in a round of a plan that repeats itself: those of coordinates; 0 for other states."""
         gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
@@ -243,12 +243,11 @@ class Controller:
         :param stop_time: end [s]; unless given that of the plan, at an equilibrium twenty radians of the free motion.
         :param inputs: disturbances: input of the mechanism -> function of time.
         :param start_values: as for :meth:`system`; ``keywords`` are further ones.
-        :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
+        :raises PlanError: if the end is not after the start.
+        :raises SimulationError: for a start value that is not allowed.
         """
         ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
         starts = merged(self.name, start_values, keywords, PlanError)
-        for name, value in starts.items():
-            finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._default_stop if stop_time is None else stop_time
         times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
@@ -261,13 +260,13 @@ class Controller:
         return self._simulate(self._connected_system(starts), times, ports or None)
 
     def _simulate(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
-        """Run of a system with the coupling that its regulators need."""
+        """Simulate a system with the coupling that its regulators need."""
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     @property
     def signals(self) -> list[str]:
-        """Names of the states in :meth:`system`."""
+        """Names of the states as signals of :meth:`system`."""
         outputs: dict[str, str] = {}
         for move in self.moves:
             outputs |= by_name(motion_names(move), (f"{self.name}_{move}.{output}" for output in TRIPLE))
@@ -280,21 +279,19 @@ class Controller:
         late = run.time - rounds * self.duration + _ROUNDING * self.duration
         knots = np.maximum(0, np.searchsorted(self.trajectory.times, late, side="right") - 1)
         states = np.array([run[name] for name in self.signals])
-        return states - self.trajectory.states[:, knots] - np.outer(self._round_change, rounds)
+        return states - self.trajectory.states[:, knots] - np.outer(self._change_in_round, rounds)
 
-    def survives(
-        self, port: str, duration: float, *, stop_time: float | None = None, first: float | None = None
-    ) -> float:
+    def survives(self, port: str, duration: float, *, stop_time: float | None = None) -> float:
         """Greatest of the forces tried at a port after which the mechanism returns to its reference trajectory.
 
-        The force is doubled until the mechanism falls, at most sixty times; then the interval is bisected twelve times.
-        A force between those that were tried may give another result.
+        The first one is a thousandth of a force whose work is a typical kinetic energy.  It is doubled until the
+        mechanism falls, at most sixty times; then the interval is bisected twelve times.  A force between those that
+        were tried may give another result.
 
         :param port: input of the mechanism, ``"theta_force"``.
         :param duration: of the force [s].
         :param stop_time: end of the runs [s].  In the last radian of the free motion the deviations of free coordinates
             have to be below 5 % of their maxima.  Unless given, twenty radians after the force and the plan.
-        :param first: the first force tried; unless given a thousandth of one whose work is a typical kinetic energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
         if port not in self.ports:
@@ -309,13 +306,11 @@ class Controller:
                 f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"
             )
         coordinate = port.removesuffix("_force").removesuffix("_load")
-        usual = self.energy / by_name(self.states, self.sizes).get(coordinate, 1.0)
-        high = 1e-3 * usual if first is None else first
-        positive("survives: first", high, PlanError)
+        high = 1e-3 * self.energy / by_name(self.states, self.sizes).get(coordinate, 1.0)
         free = [self.states.index(name) for name in self.free if name not in self.moves]
 
         def returns(force: float) -> bool:
-            """Whether free coordinates are back in the last radian of a run with this force."""
+            """Whether free coordinates are back at the end of a run with this force, in its last radian."""
             try:
                 with ignored_warnings():  # of the intended jump of the force between two points
                     run = self.simulate(stop, inputs={port: lambda t: force if t < duration else 0.0})
@@ -340,10 +335,10 @@ class Controller:
         return low
 
     def measured(self) -> Array:
-        """Matrix of one step, or of the whole trajectory, from central differences of runs of the FMUs.
+        """Matrix of the closed loop over one step or the whole trajectory, from central differences of runs of FMUs.
 
-        With an observer it has the estimates behind the deviations.  The corrections have no bounds there: at a bound
-        the motion has no derivative.
+        With an observer, estimates follow the deviations in its rows and columns.  Corrections have no bounds there: at
+        a bound the motion has no derivative.
         """
         unbounded, starts, ends = replace(self, correction_limits={}), [], []
         perturbations: list[Mapping[str, float]] = [*self.perturbations]
@@ -385,7 +380,7 @@ class Controller:
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
         scale = max(_LEAST_SCALE, np.max(np.abs(self.loop)))
         error = float(np.max(np.abs(measured - self.loop)) / scale)
-        apart = _distance(self.floquet_multipliers, self._multipliers(measured))
+        apart = _greatest_difference(self.floquet_multipliers, self._multipliers(measured))
         why = "differences of 1e-5, solver tolerance 1e-11"
         claims = [
             verdict(f"{subject} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
@@ -403,47 +398,43 @@ class Controller:
         return [*claims, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
 
     def _verify_estimates(self, observer: Observer) -> list[Verdict]:
-        """Verdicts on the loop with an observer: its errors; at an equilibrium separation of multipliers, and cost."""
+        """Verdicts on the errors of an observer in the loop; at an equilibrium on its multipliers and cost, too."""
         unbounded = replace(self, correction_limits={})  # at a bound no law holds
         runs = observer.random_runs(unbounded._connected_system({}))  # noqa: SLF001
         claims = observer.consistency(runs)
         if observer.motion is not None:
             return claims
         predicted = np.concatenate([self.floquet_multipliers, observer.multipliers])
-        error = _distance(np.linalg.eigvals(self.measured()), predicted)
+        error = _greatest_difference(np.linalg.eigvals(self.measured()), predicted)
         words = "multipliers of the loop are those of feedback and of the observer"
         why = "a root of the error where they coincide"
         claims.append(verdict(words, error=error, tolerance=1e-3, reason=why))
         if self.cost is not None and not observer.model.uncertainty.unknown_forces:
-            expected, costs = self._costs(observer, [run for run, _ in runs])
+            expected, costs = self._expected_and_measured_costs(observer, [run for run, _ in runs])
             error = (np.mean(costs) - expected) / (np.std(costs) / np.sqrt(len(costs)))
             claims.append(normal_verdict(f"a step costs tr(S W) + tr(P Kᵀ(R + BᵀSB)K) = {expected:.4g}", error))
         return claims
 
-    def _costs(self, observer: Observer, runs: Sequence[Result]) -> tuple[float, Array]:
-        """Mean cost of a step in the steady state, and that of runs.
+    def _expected_and_measured_costs(self, observer: Observer, runs: Sequence[Result]) -> tuple[float, Array]:
+        """Mean cost of a step in the steady state by the closed formula, and mean cost of a step in each run.
 
-        The future cost of the first deviation of a run is subtracted, and that of its last added, so that the mean is
-        the same without a steady state.
+        Runs begin off the steady state, which adds the future cost of their last deviation less that of the first.
         """
         assert self.cost is not None  # all is controllable
         (B, Q, R), D, model = self.cost, self.directions, observer.model
-        K = self.gains[0] / self.sizes[-len(self.moves) :, None] * self.sizes @ D
+        moves, decay = len(self.moves), np.exp(-1.0)  # of a corrected acceleration in a period
+        K = self.gains[0] / self.sizes[-moves:, None] * self.sizes @ D
         S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
         inverse, n = np.linalg.pinv(D), len(model.sampled.names)
         of_states = inverse[:, :n] @ np.eye(n, len(model.states))
-        (_, added, _), error = model.at_start(), K @ of_states
+        (_, added, _), error = model.start_matrices(), K @ of_states
         expected = np.sum(of_states.T @ S @ of_states * added)
         expected += np.sum(error.T @ (R + B.T @ S @ B) @ error * observer.corrected[0])
         costs = []
         for run in runs:
-            off = self.deviation(run)
-            read = off.copy()
-            for i, name in enumerate(self.states):
-                if output := observer.outputs.get(name):
-                    read[i] += run[f"{observer.part}.{output}"] - run[self.signals[i]]
-            x, estimate = ((inverse @ (y / self.sizes[:, None])[:, :-1]).T for y in (off, read))
-            w = estimate @ K.T
+            off = self.deviation(run) / self.sizes[:, None]
+            accelerations = off[-moves:]
+            x, w = (inverse @ off[:, :-1]).T, (accelerations[:, 1:] - decay * accelerations[:, :-1]).T / (1 - decay)
             of_steps = np.sum((x @ Q) * x, axis=1) + np.sum((w @ R) * w, axis=1)
             first, *_, last = np.sum((x @ S) * x, axis=1)
             costs.append((np.sum(of_steps[:-1]) + last - first) / (len(x) - 1))
@@ -457,7 +448,7 @@ class Controller:
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
 
 
-def _distance(these: NDArray[Any], those: NDArray[Any]) -> float:
-    """Greatest distance of multipliers, each of which is compared with the nearest one that is left."""
-    far = np.abs(these[:, None] - those)
-    return float(np.max(far[linear_sum_assignment(far)]))
+def _greatest_difference(multipliers: NDArray[Any], expected: NDArray[Any]) -> float:
+    """Greatest difference between multipliers and expected ones, paired at least total distance."""
+    differences = np.abs(multipliers[:, None] - expected)
+    return float(np.max(differences[linear_sum_assignment(differences)]))

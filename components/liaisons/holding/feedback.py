@@ -37,28 +37,36 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
-def image(projection: Array) -> Array:
-    """Orthonormal basis of the image of a projection, whose singular values are 0, or 1 or more."""
+def image_basis(projection: Array) -> Array:
+    """Orthonormal basis of the image of a projection.
+
+    Its singular values are 0, or at least 1.
+    """
     vectors, sizes, _ = np.linalg.svd(projection, full_matrices=False)
     return vectors[:, sizes > 0.5]
 
 
-def spectral_radius(matrices: Array | Sequence[Array]) -> float:
-    """Greatest absolute value of the eigenvalues of all matrices; 0 if there are none."""
-    return float(np.max(np.abs(np.linalg.eigvals(matrices)), initial=0.0))
+def spectral_radius(matrix: Array) -> float:
+    """Greatest absolute value of the eigenvalues; 0 for an empty matrix."""
+    return float(np.max(np.abs(np.linalg.eigvals(matrix)), initial=0.0))
 
 
-def named_sum(names: Sequence[str], parts: Array, sizes: Array) -> str:
-    """Text of Σ parts/sizes · names, its first coefficient 1."""
-    vector = parts / sizes
-    terms = np.flatnonzero(np.abs(parts) > 1e-3 * np.max(np.abs(parts))).tolist()  # the rest is of order H
+def named_sum(names: Sequence[str], coefficients: Array, sizes: Array) -> str:
+    """Text of a linear combination of names, "theta - 0.5 p_theta": coefficients/sizes, the first made 1."""
+    vector = coefficients / sizes
+    large = np.abs(coefficients) > 1e-3 * np.max(np.abs(coefficients))  # the rest is of order H
+    terms = np.flatnonzero(large).tolist()
     signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", names[i]) for i in terms]
     text = " ".join(f"{number[0]} {number[1:]} {name}" for number, name in signed)
     return text.removeprefix("+ ").removeprefix("1 ")
 
 
-def rest_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
-    """Coordinates along V at which x rests with C x = 0 for each direction of U, and the norms of the residuals."""
+def rest_offsets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
+    """Controllable parts of x at rest, x = A x and C x = 0, for unit uncontrollable parts; and residual norms.
+
+    :param V: basis of the controllable subspace; ``U``: of its complement.
+    :returns: coordinates along V, a column for each of U, by least squares; and the norms of what remains.
+    """
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
     solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
@@ -71,14 +79,14 @@ def lqr_gains(A: Array, B: Array, Q: Array, R: Array) -> Array:
 
 
 def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
-    """Gains K of one step whose final deviation costs xᵀPx."""
+    """Gains K of u = -K x that minimise uᵀRu + x'ᵀPx' over one step x' = A x + B u."""
     return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
 
 
 def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
-    """Gains of each step, and the cost matrix of initial deviations.
+    """Gains of each step, and the matrix P of the least cost xᵀPx of an initial deviation, by backward recursion.
 
-    :param P: the matrix of the cost of final deviations.
+    :param costs: matrices Q of the cost of deviations before each step; ``P``: of that at the end.
     """
     gains: list[Array] = []
     for (A, B), Q in zip(reversed(steps), reversed(costs), strict=True):
@@ -91,7 +99,7 @@ def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P
 
 
 def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[list[Array], Array] | None:
-    """Periodic gains of endlessly repeated steps, and the cost matrix; None if they do not converge.
+    """Gains of steps that are repeated endlessly, and the cost matrix P; None if they do not converge.
 
     Uncontrollable deviations may persist: their cost grows, and does not act on the gains.
     """
@@ -106,13 +114,16 @@ def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) ->
 
 
 def transition_matrix(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
-    """Product of the matrices of all steps; with gains that of the closed loop."""
+    """Product of the matrices A of all steps; with gains of A - B K, the closed loop."""
     matrices = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
     return reduce(lambda before, A: A @ before, matrices)
 
 
-def least_defects(matrices: Sequence[Array], end: Array) -> Array:
-    """Columns from 0 to ``end`` whose steps deviate from the matrices by the least sum of squares."""
+def distributed_correction(matrices: Sequence[Array], end: Array) -> Array:
+    """Corrections of all states of a linear motion, (states, steps + 1), from 0 to that of its end.
+
+    They follow x' = A x up to additions in each step, whose sum of squares is least.
+    """
     to_end = [np.eye(len(end))]
     for A in reversed(matrices[1:]):
         to_end.append(to_end[-1] @ A)
@@ -123,8 +134,8 @@ def least_defects(matrices: Sequence[Array], end: Array) -> Array:
     return np.transpose(columns)
 
 
-def input_matrix(steps: Sequence[Step]) -> Array:
-    """Effect of the inputs of all steps on the last state: the controllability matrix."""
+def controllability_matrix(steps: Sequence[Step]) -> Array:
+    """Derivatives of the last state by the inputs of all steps, (states, inputs · steps)."""
     columns: Array = np.zeros((len(steps[0][0]), 0))
     for A, B in steps:
         columns = np.hstack([A @ columns, B])

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from liaisons.errors import PlanError
-from liaisons.holding.feedback import RANK, image, named_sum, reachable_subspace, spectral_radius
+from liaisons.holding.feedback import RANK, image_basis, named_sum, reachable_subspace, spectral_radius
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.planning.goals import Array, by_name
 
@@ -56,7 +56,7 @@ class EstimationModel:
     :ivar predict: function (x, begin, end) -> x after a period, its derivatives, and the covariance that is added; σ
         and its two rates at both ends have the shape (moves, 3).
     :ivar measure: function (x, σ and its rates) -> what is measured, and its derivatives.
-    :ivar land: function (x, σ and its rates) -> x projected onto constraints and unit quaternions, and its derivatives.
+    :ivar project: function (x, σ and its rates) -> x on constraints and with unit quaternions, and its derivatives.
     :ivar correct: function (x, P, σ and its rates, y) -> x and its covariance after a measurement; innovations, which
         are independent, of variance 1; and the gain.
     """
@@ -77,18 +77,18 @@ class EstimationModel:
         x = ca.SX.sym("x", n + more)
         w = ca.SX.sym("w", len(uncertainty.disturbance))
         begin, end = (ca.SX.sym(name, len(sampled.moves), 3) for name in ("begin", "end"))
-        rates, projected, readings = self._expressions(x, w, end)
+        rates, projected, readings = self._rates_and_readings(x, w, end)
         landed = ca.vertcat(projected / self.sizes[:n], x[n:])
-        self.measure, self.land = (
+        self.measure, self.project = (
             ca.Function(name, [x, end], [results, ca.densify(ca.jacobian(results, x))])
-            for name, results in (("measure", readings), ("land", landed))
+            for name, results in (("measure", readings), ("project", landed))
         )
         part, inputs = ca.SX.sym("part"), ca.vertcat(w, ca.vec(begin), ca.vec(end))
-        motion = sampled.reconstructed(begin, end, period, part)
+        motion = sampled.reconstructed_motion(begin, end, period, part)
         slopes = ca.vertcat(ca.substitute(rates, end, motion), 1 / period)
         flow = ca.Function("slopes", [ca.vertcat(x, part), inputs], [slopes])
         advance = ca.simpleRK(flow, ceil(period / sampled.time * _PARTS_OF_RADIAN))
-        after, _ = self.land(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
+        after, _ = self.project(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
         derivatives = after, ca.jacobian(after, x), ca.jacobian(after, w)
         predicted, F, G = (ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in derivatives)
         covariance = G @ G.T + ca.diag(ca.DM(self.drift**2))
@@ -99,12 +99,12 @@ class EstimationModel:
         y = ca.SX.sym("y", expected.numel())
         root = ca.chol(C @ P @ C.T + ca.SX.eye(y.numel())).T
         innovations, gain = ca.solve(root, y - expected), ca.solve(root, C @ P)
-        corrected, T = self.land(x + gain.T @ innovations, end)
+        corrected, T = self.project(x + gain.T @ innovations, end)
         remaining = T @ (P - gain.T @ gain) @ T.T
         results = [corrected, remaining, innovations, ca.solve(root.T, gain).T]
         self.correct = ca.Function("correct", [x, P, end, y], results)
 
-    def _expressions(self, x: ca.SX, w: ca.SX, sigma: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def _rates_and_readings(self, x: ca.SX, w: ca.SX, sigma: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Rates of x, projected states of the mechanism, and readings divided by their noise.
 
         :param w: random forces, of variance 1.
@@ -117,62 +117,64 @@ class EstimationModel:
         forces = by_name(uncertainty.disturbance, ca.vertsplit(w * deviations)) if deviations.size else {}
         forces |= {name: values[name] + forces.get(name, 0) for name in uncertainty.unknown_forces}
         own = ca.vertcat(*(values[name] for name in sampled.names))
-        rates, projected, readings = sampled.expressions(own, sigma, forces, self.measured)
+        rates, projected, readings = sampled.rates_states_and_signals(own, sigma, forces, self.measured)
         readings += ca.vertcat(*(values.get(f"{name}_bias", 0) for name in self.measured))
         if ca.depends_on(readings, w):
             raise PlanError(f"{sampled.name}: a random force is part of what is measured; measure no accelerations")
         constant = ca.SX(len(self.drift) - rates.numel(), 1)
         return ca.vertcat(rates, constant) / self.sizes, projected, readings / self.noise
 
-    def at_start(self) -> tuple[Array, Array, Array]:
-        """F and Q of a prediction at the start, x' = F x + w with the covariance Q of w, and C of a measurement."""
+    def start_matrices(self) -> tuple[Array, Array, Array]:
+        """Matrices F, Q and C at the start: a period is x' = F x + w, Q the covariance of w, C x what is measured."""
         x, sigma = self.start, self.sampled.sigma
         _, F, Q = self.predict(x, sigma, sigma)
         return np.array(F), np.array(Q), np.array(self.measure(x, sigma)[1])
 
-    def step(self, steady: Array | None) -> ca.Function:
+    def filter_step(self, steady_covariance: Array | None) -> ca.Function:
         """Function (is_first, x, P, begin, end, y) -> x and P after the measurement y, and its innovations.
 
-        P is the lower triangle, column by column.
+        P is the lower triangle of the covariance, column by column.
 
-        :param steady: covariance before each measurement, with which P is empty; None: it is predicted, too.
+        :param steady_covariance: that before each measurement, with which P is empty; None: it is predicted, too.
         """
         n, lower = len(self.states), ca.Sparsity.lower(len(self.states))
         x, is_first = ca.SX.sym("x", n), ca.SX.sym("is_first")
         y = ca.SX.sym("y", len(self.noise))
         begin, end = (ca.SX.sym(name, len(self.sampled.moves), 3) for name in ("begin", "end"))
-        triangle = ca.SX.sym("P", lower.nnz() if steady is None else 0)
+        triangle = ca.SX.sym("P", lower.nnz() if steady_covariance is None else 0)
         predicted, F, Q = self.predict(x, begin, end)
-        P = ca.SX(ca.DM(steady)) if steady is not None else ca.tril2symm(ca.SX(lower, triangle))
-        if steady is None:
+        if steady_covariance is None:
+            P = ca.tril2symm(ca.SX(lower, triangle))
             P = ca.if_else(is_first, P, F @ P @ F.T + Q)
+        else:
+            P = ca.SX(ca.DM(steady_covariance))
         x_1, P, innovations, _ = self.correct(ca.if_else(is_first, x, predicted), P, end, y)
-        after = ca.project(P, lower).nz[:] if steady is None else triangle
+        after = ca.project(P, lower).nz[:] if steady_covariance is None else triangle
         arguments = [is_first, x, triangle, begin, end, y]
         return ca.Function("step", arguments, [x_1, after, innovations], {"cse": True})
 
     def tangents(self, x: Array, sigma: Array) -> Array:
-        """Orthonormal columns, the directions in which x may deviate."""
-        return image(np.array(self.land(x, sigma)[1]))
+        """Orthonormal columns that span the deviations of x which constraints and unit quaternions allow."""
+        return image_basis(np.array(self.project(x, sigma)[1]))
 
     def start_covariance(self) -> Array:
-        """Covariance at the start of a plan."""
+        """Covariance of x at the start of a plan."""
         sampled = self.sampled
         deviations = dict.fromkeys(self.states, 1.0) | dict.fromkeys(sampled.names, _START_PART)
         for name, deviation in self.uncertainty.states.items():
             if name not in sampled.names:
                 raise PlanError(f"{sampled.name}: deviations of {name!r}: the states are {', '.join(self.states)}")
             deviations[name] = deviation / self.sizes[self.states.index(name)]
-        projection = np.array(self.land(self.start, sampled.sigma)[1])
+        projection = np.array(self.project(self.start, sampled.sigma)[1])
         root = projection * [*deviations.values()]
         return root @ root.T
 
     def steady_covariance(self) -> Array:
-        """Covariance before a measurement to which that of the filter tends at an equilibrium.
+        """Covariance of x before each measurement of the steady filter at an equilibrium.
 
         :raises PlanError: if a state is not observable, or its estimate would not be corrected in the long run.
         """
-        (F, Q, C), D = self.at_start(), self.tangents(self.start, self.sampled.sigma)
+        (F, Q, C), D = self.start_matrices(), self.tangents(self.start, self.sampled.sigma)
         A, Q, C = D.T @ F @ D, D.T @ Q @ D, C @ D
         generator = (A - np.eye(len(A))) * (self.sampled.time / self.period)
         seen, hidden = reachable_subspace(generator.T, C.T / (np.linalg.norm(C) or 1.0))
@@ -186,12 +188,15 @@ class EstimationModel:
             texts = ", ".join(named_sum(self.states, D @ u, self.sizes) for u in still.T)
             raise PlanError(
                 f"{self.sampled.name}: no disturbance changes {texts}, whose estimate would not be corrected in the "
-                f"long run; random forces act on {', '.join(self.sampled.ports) or 'no port'}"
+                f"long run; random forces act on {', '.join(self.sampled.free_inputs) or 'no port'}"
             )
         return D @ solve_discrete_are(A.T, C.T, Q, np.eye(len(C))) @ D.T
 
     def refuse_unobservable(self, matrix: Array, directions: Array) -> None:
-        """Raise an error that names the directions that a matrix maps to 0."""
+        """Raise an error if a matrix maps some of the directions to 0; it names them.
+
+        :param matrix: from x to all that is measured.
+        """
         _, values, rows = np.linalg.svd(matrix @ directions)
         hidden = rows[np.count_nonzero(values > RANK * np.max(values, initial=0.0)) :]
         if hidden.size:

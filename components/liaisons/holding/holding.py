@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -24,21 +24,21 @@ from liaisons.holding.feedback import (
     RANK,
     Array,
     Step,
-    image,
-    input_matrix,
-    least_defects,
+    controllability_matrix,
+    distributed_correction,
+    image_basis,
     lqr_gains,
     named_sum,
     periodic_riccati,
     reachable_subspace,
-    rest_targets,
+    rest_offsets,
     riccati_recursion,
     spectral_radius,
     transition_matrix,
 )
 from liaisons.holding.observers import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
-from liaisons.holding.subjects import SETTINGS, planned_motion, sampled_subject
+from liaisons.holding.subjects import planned_motion, sampled_subject
 from liaisons.language import Orientation
 from liaisons.library import Target
 from liaisons.planning.goals import by_name, motion_names
@@ -49,6 +49,23 @@ _BOUND_NAMES = ("least", "most", "slowest", "fastest", "lowest", "highest")
 _UNBOUNDED = 1e30
 _LEAST_GROWTH = 1 + 1e-6
 """Multipliers above it grow."""
+_MOST_STEPS = 10_000
+"""Most communication steps of a plan: each has a matrix, 5 kB for the 24 states that a Regulator reads."""
+_DRIFT_WEIGHT = 1e-3
+"""Weight of the rate of a moved coordinate that is not held, beside 1 of a held one: without a weight nothing stops
+it.  Alone, v' = w, it decays by exp(-t √(weight / effort)): in 30 radians, after the held coordinates."""
+_INTEGRATION_ERROR = 1e-10
+"""Relative error of the matrix of a step, by the Runge-Kutta steps of :mod:`liaisons.holding.sampling`."""
+_NEGLIGIBLE_MASS = 1e-3
+"""An effective mass below this part of the greatest on the trajectory is 0: bounds on its force would be bounds on
+an acceleration a thousand times as large as elsewhere."""
+_KNOTS_AHEAD = 6
+"""Corrections respect the bounds at this many knots to come, after which their accelerations have decayed to
+exp(-6) = 2.5e-3."""
+_LARGEST_MISS = 1e-3
+"""Largest miss of the plan's end, relative to sizes: its square, which first order neglects, is ``_CLOSURE``."""
+_CLOSURE = 1e-6
+"""Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
 
 
 def hold(
@@ -104,18 +121,19 @@ def hold(
     """
     values = merged("hold", start_values, keywords, PlanError)
     positive("effort", effort, PlanError)
-    criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
-    sampled, H = sampled_subject("hold", motion, at, moves, step_size, values)
+    weights, bounds = named("weights", weights or {}, PlanError), named("bounds", bounds or {}, PlanError)
+    sampled, step_size = sampled_subject("hold", motion, at, moves, step_size, values)
+    arguments = sampled, step_size, _state_weights(sampled, weights), effort
     planned = isinstance(motion, Plan)
-    controller = _hold_along(motion, sampled, H, criterion) if planned else _hold_at_rest(sampled, H, criterion)
+    controller = _hold_along(motion, *arguments, bounds=bounds) if planned else _hold_at_rest(*arguments, bounds=bounds)
     if measured is None:
         if any((noise, disturbance, bias, unknown_forces, deviations)):
             raise PlanError("hold: noise and disturbances are for an observer: give measured, too")
         return controller
-    samples = controller.trajectory.times / H
+    samples = controller.trajectory.times / step_size
     if not np.allclose(samples, np.round(samples), rtol=0, atol=1e-3):
         raise PlanError(
-            f"{sampled.name}: σ̈ jumps between two samples of {H:g} s: give a step_size that divides its arcs"
+            f"{sampled.name}: σ̈ jumps between two samples of {step_size:g} s: give a step_size that divides its arcs"
         )
     observer = observe(
         motion,
@@ -127,88 +145,82 @@ def hold(
         bias=bias,
         unknown_forces=unknown_forces,
         deviations=deviations,
-        step_size=H,
+        step_size=step_size,
         start_values=values,
     )
     return replace(controller, observer=observer)
 
 
 def _perturbed_radius(matrix: Array) -> float:
-    """Spectral radius, maximised over perturbations as large as the integration error."""
-    random, size = np.random.default_rng(0), SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
+    """Greatest spectral radius of the matrix and of four perturbations as large as the integration error."""
+    random, size = np.random.default_rng(0), _INTEGRATION_ERROR * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
-    return spectral_radius(near)
+    return max(map(spectral_radius, near))
 
 
-@dataclass(frozen=True)
-class _Criterion:
-    """The sum of squares that the feedback minimises, and the bounds at which it saturates."""
-
-    weights: Mapping[str, float]
-    effort: float
-    bounds: Mapping[str, tuple[float | None, float | None]]
-
-    def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
-        """Cost matrices at the knots, in coordinates of the directions of deviation."""
-        cost = {name: float(name in sampled.free) for name in sampled.states}
-        drifting = (move for move in sampled.moves if move not in sampled.held_moves)
-        cost |= {f"{move}_dot": SETTINGS.drift_weight for move in drifting}
-        for name, weight in self.weights.items():
-            if name not in cost:
-                raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
-            finite(f"weight of {name}", weight, PlanError)
-            if weight < 0:
-                raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
-            cost[name] = weight
-        return [(D.T * [*cost.values()]) @ D for D in directions]
+def _state_weights(sampled: SampledMechanism, weights: Mapping[str, float]) -> Array:
+    """Weights of the squares of all deviations, in the order of the states: those given, others as declared."""
+    by_state = {name: float(name in sampled.free) for name in sampled.states}
+    drifting = (move for move in sampled.moves if move not in sampled.held_moves)
+    by_state |= {f"{move}_dot": _DRIFT_WEIGHT for move in drifting}
+    for name, weight in weights.items():
+        if name not in by_state:
+            raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
+        finite(f"weight of {name}", weight, PlanError)
+        if weight < 0:
+            raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
+        by_state[name] = weight
+    return np.array([*by_state.values()])
 
 
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
+def _hold_at_rest(
+    sampled: SampledMechanism, step_size: float, weights: Array, effort: float, *, bounds: Mapping[str, Any]
+) -> Controller:
     """The controller of least cost at an equilibrium.
 
     :raises PlanError: if a held coordinate is not controllable.
     """
     sigma = sampled.sigma
     planned = np.dstack([sigma, sigma])
-    planned[:, :2, 1] += H * sigma[:, 1:]
-    reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
+    planned[:, :2, 1] += step_size * sigma[:, 1:]
+    reference, steps = sampled.steps(np.array([0.0, step_size]), planned, step_size)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = in_directions(steps, [D, D])
-    (Q,) = criterion.costs(sampled, [D])
+    Q = (D.T * weights) @ D
     constant = _constant_directions([(A, B)])
-    steps_per_time = sampled.time / H
+    steps_per_time = sampled.time / step_size
     V, U = reachable_subspace((A - np.eye(len(A))) * steps_per_time, B * steps_per_time)
-    R = criterion.effort * np.eye(B.shape[1])
+    R = effort * np.eye(B.shape[1])
     K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
         K = lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
     if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
-            f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "
-            "falls; Riccati's equation has no solution in 16 digits"
+            f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {step_size:g} s hardly reach all "
+            "that falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
         fixed = np.eye(len(A))[:, constant]
-        U = np.hstack([fixed, image(U - fixed @ (fixed.T @ U))])
+        U = np.hstack([fixed, image_basis(U - fixed @ (fixed.T @ U))])
         is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
         free = [sampled.states.index(name) for name in sampled.free]
-        target, missed = rest_targets(A, D[free], V, U)
+        offsets, missed = rest_offsets(A, D[free], V, U)
         for j in range(U.shape[1]):
             if not is_bounded or (j >= len(constant) and missed[j] > RANK):
                 raise _uncontrollable_error(sampled, D, U[:, j])
-        K -= K @ V @ target @ U.T
-    _refuse_bounds(sampled, criterion.bounds, sigma)
+        K -= K @ V @ offsets @ U.T
+    _refuse_bounds(sampled, bounds, sigma)
     return _controller(
         sampled,
-        H,
+        step_size,
         trajectory,
         gains=[K],
         directions=[D],
-        bounds=criterion.bounds,
+        bounds=bounds,
         loop=A - B @ K,
         reach=V,
         conserved=_states_along(sampled, D, constant),
@@ -220,21 +232,29 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
+def _hold_along(
+    motion: Plan,
+    sampled: SampledMechanism,
+    step_size: float,
+    weights: Array,
+    effort: float,
+    *,
+    bounds: Mapping[str, Any],
+) -> Controller:
     """The controller of least cost along a plan.
 
     :raises PlanError: if a growing deviation is not controllable, or the gains do not converge.
     """
-    trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
-    D = [sampled.directions(*point) for point in trajectory.points]
-    steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
-    R = criterion.effort * np.eye(len(motion.goal.moves))
-    transition, inputs = transition_matrix(steps), input_matrix(steps)
+    trajectory, steps, returns = _reference_trajectory(motion, sampled, step_size)
+    D = [sampled.directions(*point) for point in trajectory.states_and_motion]
+    steps, costs = in_directions(steps, D), [(one.T * weights) @ one for one in D]
+    R = effort * np.eye(len(motion.goal.moves))
+    transition, inputs = transition_matrix(steps), controllability_matrix(steps)
     after = np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
         y = trajectory.states[: len(sampled.names), -1]
         planned = trajectory.motion[:, :, [-1, -1]]
-        _, at_rest = sampled.steps(np.array([0.0, H]), planned, H, y)
+        _, at_rest = sampled.steps(np.array([0.0, step_size]), planned, step_size, y)
         at_rest = in_directions(at_rest, [D[-1], D[-1]])
         ((A, B),) = at_rest
         V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
@@ -254,18 +274,17 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     gains, constant = [*solution[0], after], _constant_directions(steps)
     fixed = np.eye(len(transition))[:, constant]
     conserved = _states_along(sampled, D[0], constant)
-    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in image(U - fixed @ (fixed.T @ U)).T)
-    _refuse_bounds(sampled, criterion.bounds)
-    quantities = _quantities(sampled)
+    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in image_basis(U - fixed @ (fixed.T @ U)).T)
+    _refuse_bounds(sampled, bounds)
+    quantities = _bounded_quantities(sampled)
     planned_bounds = {name: pair for name, pair in motion.goal.bounds.items() if name in quantities}
-    bounds = planned_bounds | dict(criterion.bounds)
     return _controller(
         sampled,
-        H,
+        step_size,
         trajectory,
         gains=gains,
         directions=D,
-        bounds=bounds,
+        bounds={**planned_bounds, **bounds},
         loop=transition_matrix(steps, gains),
         reach=V,
         conserved=conserved,
@@ -275,34 +294,35 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
 
 
 def _reference_trajectory(
-    motion: Plan, sampled: SampledMechanism, H: float
+    motion: Plan, sampled: SampledMechanism, step_size: float
 ) -> tuple[ReferenceTrajectory, list[Step], bool]:
-    """The plan at its communication points, its steps, and whether it returns, up to the mechanism's orientation.
+    """The plan at its communication points, its linearised steps, and whether it ends where it begins.
+
+    Where it begins up to the mechanism's orientation is enough.
 
     :raises PlanError: for too many steps, or if they miss the plan's end.
     """
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.control_order
-    most = SETTINGS.most_steps
-    if most < T / H:
-        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
+    if T / step_size > _MOST_STEPS:
+        words = f"more than {_MOST_STEPS} steps; give a longer one"
+        raise PlanError(f"{sampled.name}: step_size = {step_size:g} over {T:g} s: {words}")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
     parts = []
     for begin, end in pairwise([0.0, *motion.switches, T]):
-        count = max(1, int(np.ceil((end - begin) / H - 1e-9)))
+        count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
         parts.append(np.linspace(begin, end, count, endpoint=False))
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     planned = planned_motion(motion, times)
-    reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    closure = SETTINGS.closure
+    reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
-    open_states = {sampled.states[i] for i in np.flatnonzero(gap > closure * extents).tolist()}
-    open_states -= {*sampled.cyclic, *may_jump}
+    open_states = {sampled.states[i] for i in np.flatnonzero(gap > _CLOSURE * extents).tolist()}
+    open_states -= {*sampled.cyclic_coordinates, *may_jump}
     at_rest = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.held_moves for m in moves]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
-    is_moving = np.abs(at_rest[:, 1]) > closure * size[:, 1]
+    is_moving = np.abs(at_rest[:, 1]) > _CLOSURE * size[:, 1]
     at_rest[stops, 1] = at_rest[:, 2] = 0.0
     after: After = "ends"
     last = planned[:, :, -1]
@@ -311,36 +331,38 @@ def _reference_trajectory(
         after, last = "repeats", planned[:, :, 0]
     elif order < 2 or not np.any(is_moving & stops):
         rates = np.abs(sampled.rates(end, at_rest)) * sampled.time
-        if np.all(rates <= closure * sampled.sizes[: len(end)]):
+        if np.all(rates <= _CLOSURE * sampled.sizes[: len(end)]):
             after, last = "rests", at_rest
-    if np.any(np.abs(last - planned[:, :, -1]) > closure * size):
+    if np.any(np.abs(last - planned[:, :, -1]) > _CLOSURE * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
-        reference, steps = _steps_to_end(motion, sampled, times, planned, H)
+        reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     returns = all(name.endswith(Orientation.quaternion) for name in open_states)
     return ReferenceTrajectory(times, planned, reference, after), steps, returns
 
 
-def _steps_to_end(
-    motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, H: float
+def _corrected_steps(
+    motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, step_size: float
 ) -> tuple[Array, list[Step]]:
-    """States and matrices of steps along the plan, corrected to reach its end: without feedback errors may grow.
+    """States and linearised steps along the plan; the states are corrected to end at its end.
+
+    Without the feedback integration errors may grow on the way.
 
     :raises PlanError: if the steps miss the plan's end by more than a linear correction can mend.
     """
-    reference, steps = sampled.steps(times, planned, H)
+    reference, steps = sampled.steps(times, planned, step_size)
     n = len(sampled.names)
     reached = reference[:n, -1]
     planned_end = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1])
     missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
     missed /= sampled.sizes[:n]
-    if not np.max(np.abs(missed), initial=0.0) <= SETTINGS.largest_miss:
+    if not np.max(np.abs(missed), initial=0.0) <= _LARGEST_MISS:
         i = int(np.argmax(np.abs(missed)))
         raise PlanError(
-            f"{sampled.name}: in steps of {H:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
+            f"{sampled.name}: in steps of {step_size:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
             f"{missed[i] * sampled.sizes[i]:.2g}: give a shorter step_size, or plan it with a finer mesh (accuracy)"
         )
-    reference[:n] += least_defects([A[:n, :n] for A, _ in steps], missed) * sampled.sizes[:n, None]
+    reference[:n] += distributed_correction([A[:n, :n] for A, _ in steps], missed) * sampled.sizes[:n, None]
     return reference, steps
 
 
@@ -349,7 +371,7 @@ def _steps_to_end(
 
 def _controller(
     sampled: SampledMechanism,
-    H: float,
+    step_size: float,
     trajectory: ReferenceTrajectory,
     *,
     gains: Sequence[Array],
@@ -357,7 +379,7 @@ def _controller(
     bounds: Mapping[str, Any],
     **prediction: Any,
 ) -> Controller:
-    """The controller, with start values and limits of corrections.
+    """The controller with these gains, its start values and limits of corrections.
 
     :param gains: at the knots, in coordinates of the directions of deviation there.
     """
@@ -367,11 +389,11 @@ def _controller(
         starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
     return Controller(
         name=sampled.name,
-        component=symbols.goal.component,
+        goal=symbols.goal,
         moves=sampled.moves,
-        step_size=H,
+        step_size=step_size,
         free=sampled.free,
-        ports=tuple(sampled.ports),
+        ports=tuple(sampled.free_inputs),
         states=sampled.states,
         trajectory=trajectory,
         gains=np.array(
@@ -383,7 +405,6 @@ def _controller(
         correction_limits=_correction_limits(sampled, trajectory, bounds),
         directions=directions[0],
         final_directions=directions[-1],
-        values=symbols.goal.values,
         sizes=sampled.sizes,
         energy=sampled.energy,
         time=sampled.time,
@@ -396,33 +417,25 @@ def _controller(
 def _perturbations(
     sampled: SampledMechanism, trajectory: ReferenceTrajectory, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
-    """Start values, as differences, that span the directions of deviation."""
-    parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
-    if sampled.is_constrained:  # rates have to keep the constraints, too
-        rates = sampled.rate_derivatives(*next(trajectory.points), directions)
-        names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
-        columns = np.vstack([sizes * directions, rates]).T.tolist()
-        keys = [parameters.get(name, name) for name in names]
-        return tuple({k: x for k, x in zip(keys, column, strict=True) if k in starts} for column in columns)
-    axes = {name for name in sampled.states if name.endswith(Orientation.quaternion)}
-    columns = [
-        {sampled.states[i]: float(column[i]) for i in np.flatnonzero(column)} for column in (sizes * directions).T
-    ]
-    rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
-    names = {parameter: name for name, parameter in parameters.items()}
-    singles = [names.get(start, start) for start in starts]
-    return (*rotations, *({parameters.get(n, n): sampled.start_sizes[n]} for n in singles if n not in axes))
+    """Differences of start values that change the states along each direction of deviation."""
+    parameters = sampled.symbols.start_parameters
+    changes = by_name(sampled.states, sampled.sizes[:, None] * directions)
+    changes |= sampled.rate_changes(*next(trajectory.states_and_motion), directions)
+    rows = {parameters.get(name, name): row for name, row in changes.items()}
+    return tuple(
+        {name: float(row[j]) for name, row in rows.items() if name in starts} for j in range(directions.shape[1])
+    )
 
 
 def _correction_limits(
     sampled: SampledMechanism, trajectory: ReferenceTrajectory, bounds: Mapping[str, Any]
 ) -> dict[str, Array]:
-    """Bounds of corrections, their rates and accelerations, by names of a Regulator: (moves, knots).
+    """Limits of the corrections of σ, σ̇ and σ̈ by parameters of a Regulator, each (moves, knots).
 
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
     n, last = len(sampled.names), trajectory.times.size - 1
-    points = ((sampled.full_state(x[:n]), *sigma.T) for x, sigma in trajectory.points)
+    points = ((sampled.full_state(x[:n]), *sigma.T) for x, sigma in trajectory.states_and_motion)
     along = np.array([sampled.forces_and_mass(*point) for point in points])
     forces, masses = along[:, :, 0], along[:, :, 1:]
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
@@ -433,8 +446,8 @@ def _correction_limits(
     for j, m in enumerate(sampled.moves):
         if f"{m}_force" not in bounds:
             continue
-        sizes, negligible = np.abs(masses[:, j]), SETTINGS.negligible_mass
-        if np.min(sizes.max(axis=1)) <= negligible * np.max(sizes):
+        sizes = np.abs(masses[:, j])
+        if np.min(sizes.max(axis=1)) <= _NEGLIGIBLE_MASS * np.max(sizes):
             raise PlanError(
                 f"{sampled.name}: bounds of {m}_force: the effective mass at {m} vanishes where it is held, so that no "
                 f"acceleration tells the force; bound {m}_ddot"
@@ -446,28 +459,28 @@ def _correction_limits(
                 np.maximum(0, most - forces[:, j]),
             ]
         )
-        acts = sizes > negligible * sizes.max()
+        acts = sizes > _NEGLIGIBLE_MASS * sizes.max()
         shares = acts.sum(axis=1)
         for i in np.flatnonzero(acts.any(axis=0)):
-            mass = np.where(acts[:, i], masses[:, j, i] * shares, negligible)
+            mass = np.where(acts[:, i], masses[:, j, i] * shares, _NEGLIGIBLE_MASS)
             least, most = np.sort(margins / mass, axis=0)
             low[i, 2] = np.maximum(low[i, 2], least)
             high[i, 2] = np.minimum(high[i, 2], most)
-    ahead = np.add.outer(np.arange(last + 1), np.arange(SETTINGS.knots_ahead + 1))
+    ahead = np.add.outer(np.arange(last + 1), np.arange(_KNOTS_AHEAD + 1))
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
     low, high = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
     limits = np.stack([low, high], axis=2).reshape(len(low), len(_BOUND_NAMES), -1)
     return by_name(_BOUND_NAMES, limits.swapaxes(0, 1))
 
 
-def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
-    """Both ends of a range, -1e30 and 1e30 where it has none."""
-    low, high = pair
+def _finite_ends(bounds: Sequence[float | None]) -> tuple[float, float]:
+    """Both ends of a range, -1e30 and 1e30 for None."""
+    low, high = bounds
     return -_UNBOUNDED if low is None else low, _UNBOUNDED if high is None else high
 
 
-def _quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
-    """Quantities that regulators bound, by name: index of the coordinate, order of its rate or 3 for the force."""
+def _bounded_quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
+    """Index of the moved coordinate, and order of the rate, of all that regulators bound by name; 3 for a force."""
     names = [(*motion_names(m), f"{m}_force") for m in sampled.moves]
     return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
 
@@ -475,10 +488,9 @@ def _quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
 def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: Array | None = None) -> None:
     """Raise an error for bounds that regulators cannot keep.
 
-    :param point: σ and its rates (moves, 3), which have to lie inside.
-    :raises PlanError: if they cannot.
+    :param point: σ and its rates at an equilibrium (moves, 3), which have to lie inside.
     """
-    quantities = _quantities(sampled)
+    quantities = _bounded_quantities(sampled)
     for name, pair in bounds.items():
         if name not in quantities:
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
@@ -492,33 +504,36 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
 
 
 def _constant_directions(steps: Sequence[Step]) -> list[int]:
-    """Indices of the directions that no step and no input changes."""
+    """Indices of the directions along which deviations are constant, whatever the inputs are."""
     rows = enumerate(np.eye(len(steps[0][0])))
     return [i for i, row in rows if all(np.allclose(A[i], row) and not B[i].any() for A, B in steps)]
 
 
 def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
-    """Names of the states that change along some of the directions."""
+    """Names of the states that change along the chosen directions."""
     changed = np.flatnonzero(directions[:, list(chosen)].any(axis=1))
     return tuple(sampled.states[i] for i in changed.tolist())
 
 
-def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
-    """Write the linear form u on the directions as a sum of states."""
-    return named_sum(sampled.states, np.linalg.pinv(directions).T @ u, sampled.sizes)
+def _sum_of_states(sampled: SampledMechanism, directions: Array, form: Array) -> str:
+    """Text of a linear form on the directions, as a sum of states."""
+    return named_sum(sampled.states, np.linalg.pinv(directions).T @ form, sampled.sizes)
 
 
 def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
-    """Raise an error for a deviation that grows and is not controllable."""
-    left = U.T @ A @ U
-    if spectral_radius(left) > _LEAST_GROWTH:
-        values, vectors = np.linalg.eig(left.T)
+    """Raise an error if an uncontrollable deviation grows.
+
+    :param U: basis of the uncontrollable directions; ``A``: matrix of a step or a round.
+    """
+    uncontrolled = U.T @ A @ U
+    if spectral_radius(uncontrolled) > _LEAST_GROWTH:
+        values, vectors = np.linalg.eig(uncontrolled.T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
         raise _uncontrollable_error(sampled, directions, U @ worst)
 
 
-def _uncontrollable_error(sampled: SampledMechanism, directions: Array, u: Array) -> PlanError:
-    """Error that names an uncontrollable sum of states."""
-    text = _sum_of_states(sampled, directions, u)
+def _uncontrollable_error(sampled: SampledMechanism, directions: Array, form: Array) -> PlanError:
+    """Error that names an uncontrollable sum of states, a linear form on the directions."""
+    text = _sum_of_states(sampled, directions, form)
     moves = ", ".join(sampled.moves)
     return PlanError(f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}")

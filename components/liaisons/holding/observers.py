@@ -25,8 +25,8 @@ from liaisons.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons.holding.subjects import planned_motion, sampled_subject
 from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import Target, build, fmu_path
-from liaisons.planning.goals import Array, by_name, chain_size, values_by_element
+from liaisons.library import Target, build
+from liaisons.planning.goals import Array, by_name, values_by_element
 from liaisons.planning.plans import Plan
 
 _RUNS = 200
@@ -34,8 +34,7 @@ _RADIANS = 4
 """Radians of the free motion that runs at an equilibrium last: where it is not stable, deviations grow to 27 times."""
 _LAGS = 10
 """Samples by which innovations are shifted to see whether they are white."""
-STANDARD_ERRORS = 3.29
-REASON = f"{STANDARD_ERRORS} standard deviations: a right filter exceeds them with one seed in a thousand"
+_STANDARD_ERRORS = 3.29
 
 
 def observe(
@@ -87,22 +86,25 @@ def observe(
         raise PlanError(f"{sampled.name} has no state that {', '.join(sampled.moves)} move: nothing is to be observed")
     names, quaternions = [*sampled.symbols.signals], sampled.symbols.quaternions
 
-    def elements(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
-        """Standard deviations by scalars, from those of scalars, arrays and orientations."""
+    def deviations_by_scalar(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
+        """Standard deviations by the names of scalars, from names of scalars, arrays and orientations."""
         scalars: dict[str, float] = {}
         for name, value in named(f"observe: {label}", {} if values is None else values, PlanError).items():
             positive(f"{sampled.name}: {label} of {name}", value, PlanError)
             scalars |= values_by_element(label, dict.fromkeys(quaternions.get(name, [name]), value), names)
         return scalars
 
-    chosen = elements("measured", dict.fromkeys(listed("measured", measured, PlanError), 1))
-    noises, biases = elements("noise", noise), elements("bias", bias)
+    chosen = deviations_by_scalar("measured", dict.fromkeys(listed("measured", measured, PlanError), 1))
+    noises, biases = deviations_by_scalar("noise", noise), deviations_by_scalar("bias", bias)
     if chosen.keys() != noises.keys() or not biases.keys() <= chosen.keys() or not chosen:
         texts = (", ".join(group) or "nothing" for group in (chosen, noises, biases))
         words = "measured is {}, noise is that of {}, bias that of {}".format(*texts)
         raise PlanError(f"{sampled.name}: {words}: name outputs, and a noise for each")
-    pushes, forces = elements("disturbance", disturbance), elements("unknown_forces", unknown_forces)
-    uncertainty = Uncertainty(noises, pushes, biases, forces, elements("deviations", deviations))
+    pushes, forces = (
+        deviations_by_scalar("disturbance", disturbance),
+        deviations_by_scalar("unknown_forces", unknown_forces),
+    )
+    uncertainty = Uncertainty(noises, pushes, biases, forces, deviations_by_scalar("deviations", deviations))
     model = EstimationModel(sampled, uncertainty, H)
     if not isinstance(motion, Plan):
         if deviations:
@@ -136,7 +138,7 @@ class Observer:
 
     @property
     def name(self) -> str:
-        """Name of the component."""
+        """Name of the mechanism."""
         return self.model.sampled.name
 
     @property
@@ -146,36 +148,39 @@ class Observer:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """Names of the estimates in the FMU, by states, biases and unknown forces included."""
+        """Names of the FMU's outputs by what they estimate: states, biases, unknown forces."""
         return by_name(self.model.states, map(identifier, self.model.states))
 
     @cached_property
     def corrected(self) -> tuple[Array, Array]:
-        """Covariance after the first measurement, of a steady filter after each, and its gain; divided by sizes."""
+        """Covariance of the errors after the first measurement, and its gain, both divided by sizes.
+
+        In a steady filter they are the same at each measurement.
+        """
         model, x, sigma = self.model, self.model.start, self.model.sampled.sigma
         _, after, _, gain = model.correct(x, self.covariance, sigma, model.measure(x, sigma)[0])
         return np.array(after), np.array(gain)
 
     @property
     def gain(self) -> Array:
-        """Gain of the first measurement, of a steady filter of each; shape (states, measured)."""
+        """Gain (states, measured) at the first measurement; in a steady filter at each."""
         return self.corrected[1] * self.model.sizes[:, None] / self.model.noise
 
     @property
     def standard_deviations(self) -> dict[str, float]:
-        """Standard deviations of the errors after the first measurement, of a steady filter after each."""
+        """Standard deviations of the errors after the first measurement, by name; in a steady filter after each."""
         variances = np.maximum(0.0, np.diag(self.corrected[0]))
         return by_name(self.model.states, map(float, self.model.sizes * np.sqrt(variances)))
 
     @cached_property
     def directions(self) -> Array:
-        """Changes of the estimates, divided by sizes, that constraints and orientations allow at the start."""
+        """Columns that span the changes of the estimates at the start, divided by sizes; under constraints tangents."""
         return self.model.tangents(self.model.start, self.model.sampled.sigma)
 
     @property
     def multipliers(self) -> Any:
-        """Eigenvalues of the error of a steady filter over one period."""
-        F, _, C = self.model.at_start()
+        """Eigenvalues of the step from error to error of a steady filter, over one period."""
+        F, _, C = self.model.start_matrices()
         return np.linalg.eigvals(self.directions.T @ (F - self.corrected[1] @ C @ F) @ self.directions)
 
     @cached_property
@@ -184,9 +189,9 @@ class Observer:
         return build(self._component(), Path(mkdtemp(dir=process_folder())))
 
     def _component(self) -> type[Sampled]:
-        """Component of the filter: measured values, their noise and σ -> estimates and innovations."""
+        """Class of the filter as a sampled component: measured values, noise and σ -> estimates, innovations."""
         model, n, steady = self.model, len(self.model.states), self.motion is None
-        step, period = model.step(self.covariance if steady else None), model.period
+        step, period = model.filter_step(self.covariance if steady else None), model.period
         variables = model.sampled.symbols.model
         units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
         measured = [*map(identifier, model.measured)]
@@ -233,7 +238,7 @@ class Observer:
         return new_class(f"{self.name}Observer", (Sampled,), exec_body=lambda space: space.update(body))
 
     def connect_to(self, system: System) -> Any:
-        """Put the filter into a system with the parts NAME and NAME_pivot_x, operators.
+        """Add the filter to a system, and connect it with the mechanism NAME and its operators NAME_pivot_x.
 
         :returns: the component NAME_observer.
         """
@@ -245,17 +250,17 @@ class Observer:
         return part
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
-        """The mechanism, operators that hold σ or move along the plan, and the observer.
+        """The mechanism connected with the observer, and with operators that hold σ or follow the plan.
 
         :param start_values: start values of the mechanism that differ; ``keywords`` are further ones.
         """
         starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
         if self.motion is None:
             system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
-            settings: dict[str, Any] = sampled.start_values | starts
+            settings: dict[str, Any] = goal.parameters | sampled.start_values | starts
             for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
                 settings[m] = operator("Ramp", offset=x, rate=rate)
-            add_mechanism(system, self.name, goal.component, goal.values, **settings)
+            system.add(self.name, goal.fmu, **settings)
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -264,7 +269,7 @@ class Observer:
 
     @property
     def duration(self) -> float:
-        """Duration of the plan, or of a few radians of the free motion [s], in whole periods."""
+        """Duration of a run [s], in whole periods: that of the plan, or four radians of the free motion."""
         period = self.model.period
         duration = self.motion.duration if self.motion else _RADIANS * self.model.sampled.time
         return period * round(duration / period)
@@ -278,9 +283,9 @@ class Observer:
         return self.consistency(self.random_runs(self.system()))
 
     def random_runs(self, system: System) -> list[tuple[Result, Array]]:
-        """Two hundred runs of a system in which the observer is, always the same ones, with the true states.
+        """Simulate 200 runs of a system with the observer, from a fixed seed.
 
-        The last instant is left out of the states: its noise is none.
+        :returns: each run with the true values of what is estimated, but at the last instant, which has no noise.
         """
         random, model, uncertainty = np.random.default_rng(1), self.model, self.model.uncertainty
         H, n = model.period, len(model.sampled.names)
@@ -316,7 +321,10 @@ class Observer:
         return runs
 
     def consistency(self, runs: list[tuple[Result, Array]]) -> list[Verdict]:
-        """Verdicts on innovations, and on the errors at the last sample."""
+        """Verdicts on the innovations of runs, and on the errors at their last sample.
+
+        :param runs: as of :meth:`random_runs`.
+        """
         model, nees, rank = self.model, 0.0, 0
         innovations = [f"{self.part}.{identifier(m)}_innovation" for m in model.measured]
         e = np.array([[run[name][:-1] for name in innovations] for run, _ in runs])
@@ -352,16 +360,7 @@ class Observer:
         return f"<{self.name} observed by {', '.join(self.model.measured)} every {self.model.period:g} s: {text}>"
 
 
-def add_mechanism(system: System, name: str, target: Target, values: Mapping[str, float], **settings: Any) -> Any:
-    """Add a mechanism to a system; returns its component.
-
-    :param values: of parameters, the number of links included; ``settings`` are further ones, which prevail.
-    """
-    sizes = chain_size(target, values)
-    own: dict[str, Any] = {parameter: value for parameter, value in values.items() if parameter not in sizes}
-    return system.add(name, fmu_path(target, **sizes), **own | settings)
-
-
 def normal_verdict(claim: str, value: float) -> Verdict:
-    """Verdict on a statistic, in standard deviations from its mean."""
-    return verdict(claim, error=abs(value), tolerance=STANDARD_ERRORS, reason=REASON)
+    """Verdict on a standard normal statistic: its distance from 0."""
+    reason = f"{_STANDARD_ERRORS} standard deviations: a right filter exceeds them with one seed in a thousand"
+    return verdict(claim, error=abs(value), tolerance=_STANDARD_ERRORS, reason=reason)

@@ -19,8 +19,8 @@ from scipy.linalg import expm
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import closure
-from liaisons.holding.feedback import Step, image, spectral_radius
+from liaisons.expressions.algebra import closure, stack
+from liaisons.holding.feedback import Step, image_basis, spectral_radius
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.planning.goals import Array, Goal, by_name, motion_names
@@ -66,9 +66,8 @@ class SampledMechanism:
         self._default_time, self._longest_radian = time, longest
         self._extents = extents or {}
         self.start = symbols.first_state
-        self.state_indices = self._coupled_states()
+        self.state_indices = self._moved_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
-        self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
         rates, sigma = symbols.relative_rates, symbols.motion[0]
         is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
         held = np.flatnonzero(is_held).tolist()
@@ -76,7 +75,7 @@ class SampledMechanism:
         n, c = len(self.names), len(self.moves)
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
         internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
-        self.internal = [name for name in self.names if name in internal]
+        self.internal_states = [name for name in self.names if name in internal]
         coordinates = (name for name in self.names if name in starts and not name.endswith(Orientation.momenta))
         self.free = (*(name for name in coordinates if name not in internal), *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
@@ -90,24 +89,23 @@ class SampledMechanism:
     def frequency(self) -> float:
         """Largest absolute eigenvalue [1/s] of the free motion about the start; 0 if there is none."""
         of_states = slice(1, 1 + len(self.names))
-        A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, of_states]
-        if self.is_constrained:  # along the constraints
-            A = np.array(self._projection(self.start, *self.sigma.T))[:, of_states] @ A
-        return spectral_radius(A)
+        return spectral_radius(
+            np.array(self._rates_and_slopes(self.start[self.state_indices], *self.sigma.T))[:, of_states]
+        )
 
     @cached_property
-    def moves_freely(self) -> bool:
-        """Whether a free motion is fast enough to determine :attr:`time`."""
+    def has_free_motion(self) -> bool:
+        """Whether :attr:`time` is that of a free motion, which is fast enough."""
         return self.frequency * self._longest_radian > 1
 
     @cached_property
     def time(self) -> float:
-        """Time [s] in which states change by their sizes: one radian of the free motion, if there is any."""
-        return 1 / self.frequency if self.moves_freely else self._default_time
+        """Time [s] in which states change by their sizes: one radian of a free motion, else the default."""
+        return 1 / self.frequency if self.has_free_motion else self._default_time
 
     @cached_property
     def sizes(self) -> Array:
-        """Sizes of the states, which divide them in weights, comparisons and tolerances, so that units do not matter.
+        """Typical magnitudes of the states, by which they are divided in weights, comparisons and tolerances.
 
         Coordinates of one unit have one size, at which all units have the same kinetic energy: 1 for angles, for
         lengths that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
@@ -120,7 +118,7 @@ class SampledMechanism:
 
     @property
     def energy(self) -> float:
-        """Kinetic energy [J] of a motion by the size of a coordinate in :attr:`time`."""
+        """Kinetic energy [J] of a motion that changes a coordinate by its size in :attr:`time`."""
         return self._magnitudes[2]
 
     @property
@@ -128,16 +126,9 @@ class SampledMechanism:
         """Sizes of the inputs w, the accelerations of σ."""
         return self.sizes[-len(self.moves) :]
 
-    @cached_property
-    def start_sizes(self) -> dict[str, float]:
-        """Sizes of all variables with start values by name: coordinates, rates, σ, σ̇ and σ̈."""
-        coordinates, *_ = self._magnitudes
-        rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rate_coordinates.items()}
-        return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
-
     @property
     def _rate_coordinates(self) -> dict[str, str]:
-        """Coordinates by their rates with start values, σ included; an angular velocity is its own."""
+        """Coordinate of each rate that has a start value, σ̇ included; an angular velocity is its own."""
         starts, states = self.symbols.start_parameters, self.symbols.state_names
         coordinates = {name: name.replace("_dot", "", 1) for name in starts if name not in states}
         own = {name: q if q in {*states, *starts} else name for name, q in coordinates.items()}
@@ -156,15 +147,15 @@ class SampledMechanism:
         resting = symbols.inputs | dict.fromkeys(self.motion_names, 0.0) | sigma
         still = symbols.parameters | {starts[name]: 0.0 for name in rates if name in starts}
 
-        def at_unit_rate(rate: str) -> tuple[float, Array]:
-            """Twice the kinetic energy, and the states, where one rate is 1 and the others are 0."""
+        def inertia_and_states(rate: str) -> tuple[float, Array]:
+            """Twice the kinetic energy, and the states, where this rate is 1 and all others are 0."""
             values = {**resting, **still, starts.get(rate, rate): 1.0}
             columns = [[values[name] for name in names] for names in (resting, still)]
             y, memory = model.start(0.0, *columns)
             z = model.outputs_function(0.0, y, *columns, memory)
             return 2 * float(z[energy]), np.array(y).ravel()[: len(states)]
 
-        moved = {rate: at_unit_rate(rate) for rate in rates}
+        moved = {rate: inertia_and_states(rate) for rate in rates}
         values = by_name(states, self.start) | sigma | dict(self._extents)
         mean, extents = dict[str, float](), {"rad": 1.0}
         for unit in dict.fromkeys(units.values()):
@@ -176,7 +167,7 @@ class SampledMechanism:
         inertia_size = mean.get(first, 1.0) * extents[first] ** 2
         by_unit = extents | {unit: np.sqrt(inertia_size / inertia) for unit, inertia in mean.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
-        coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
+        coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal_states}
         changes = [np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()]
         momenta = {
             name: float(size) if size > 0 else inertia_size / self.time
@@ -186,14 +177,14 @@ class SampledMechanism:
         return coordinates, momenta, float(inertia_size / self.time**2)
 
     @property
-    def cyclic(self) -> list[str]:
-        """Coordinates on which no rate depends."""
+    def cyclic_coordinates(self) -> list[str]:
+        """Names of the coordinates on which no rate depends."""
         symbols, rows = self.symbols, self.state_indices
         uses = symbols.dependencies(symbols.relative_rates[rows], symbols.state[rows])
         return [name for i, name in enumerate(self.names) if name in self.free and not uses[:, i].any()]
 
-    def _coupled_states(self) -> list[int]:
-        """Indices of the states that σ acts on, and of those on which they depend."""
+    def _moved_states(self) -> list[int]:
+        """Indices of the states that σ changes, and of those on which these depend."""
         symbols = self.symbols
         dependencies = symbols.dependencies(symbols.relative_rates, ca.vertcat(symbols.state, *symbols.motion[:2]))
         n = len(symbols.state_names)
@@ -201,42 +192,31 @@ class SampledMechanism:
         return closure(uses, np.isin(np.arange(n), closure(uses.T, is_moved)))
 
     @cached_property
-    def _slopes(self) -> ca.Function:
-        """Function (y, σ, σ̇, σ̈) -> rates, and derivatives by each argument, side by side.
+    def _rates_and_slopes(self) -> ca.Function:
+        """Function (y, σ, σ̇, σ̈) -> rates of y, and their derivatives by each argument, side by side.
 
         Under constraints the state is projected first: off the constraints the rates contain the stabilisation [1/s],
         which belongs to the integration, and would be stiff beside a slow motion.
         """
-        state, sigma = self.symbols.state, self.symbols.motion
-        constant = [i for i in range(self.start.size) if i not in self.state_indices]
-        rates = self.symbols.rates[self.state_indices]
-        rates = ca.substitute(rates, state[constant], ca.DM(self.start[constant]))
-        arguments = [state[self.state_indices], *sigma]
+        arguments = [ca.SX.sym("y", len(self.names)), *(ca.SX.sym(name, len(self.moves)) for name in ("s", "v", "a"))]
+        y, *sigma = arguments
+        rates, projected, _ = self.rates_states_and_signals(y, ca.horzcat(*sigma), {}, [])
+        if self.is_constrained:
+            rates = ca.substitute(rates, y, projected)
         columns = ca.horzcat(rates, *(ca.jacobian(rates, symbol) for symbol in arguments))
-        slopes = ca.Function("slopes", arguments, [ca.densify(columns)], {"cse": True})
-        if not self.is_constrained:
-            return slopes
-        n, c = len(self.names), len(self.moves)
-        y, sigma = ca.MX.sym("y", n), [ca.MX.sym(name, c) for name in ("s", "v", "a")]
-        full_state = ca.MX(ca.DM(self.start))
-        full_state[self.state_indices] = y
-        projection = self._projection(full_state, *sigma)
-        ends = np.cumsum([0, 1, n, 2 * c, c]).tolist()
-        rates, of_y, of_motion, of_acceleration = ca.horzsplit(slopes(projection[:, 0], *sigma), ends)
-        of_projected = of_y @ projection[:, 1:] + ca.horzcat(ca.MX(n, n), of_motion)
-        return ca.Function("slopes", [y, *sigma], [ca.horzcat(rates, of_projected, of_acceleration)])
+        return ca.Function("slopes", arguments, [ca.densify(columns)], {"cse": True})
 
     def rates(self, y: Array, sigma: Array) -> Array:
-        """Rates of the mechanism's states.
+        """Rates of the mechanism's states y.
 
         :param sigma: σ and its two rates, (moves, 3).
         """
-        return np.array(self._slopes(y, *sigma.T))[:, 0]
+        return np.array(self._rates_and_slopes(y, *sigma.T))[:, 0]
 
     def steps(
         self, times: Array, planned: Array, period: float, start: Array | None = None
     ) -> tuple[Array, list[Step]]:
-        """Reference states, and linearised steps between communication points.
+        """States at communication points, integrated, and the linearised steps between them.
 
         :param times: communication points (N + 1).
         :param planned: σ, σ̇, σ̈ there, (moves, 3, N + 1).
@@ -246,9 +226,9 @@ class SampledMechanism:
         """
         y = self.start[self.state_indices] if start is None else start
         states, steps = [], []
-        for k, H in enumerate(np.diff(times)):
+        for k, step_size in enumerate(np.diff(times)):
             states.append(y)
-            y, step = self._linearized_step(y, planned[:, :, k : k + 2], float(H), period)
+            y, step = self._linearized_step(y, planned[:, :, k : k + 2], float(step_size), period)
             steps.append(step)
         states.append(y)
         reference = np.vstack([np.transpose(states), *planned.transpose(1, 0, 2)])
@@ -256,33 +236,33 @@ class SampledMechanism:
 
     @cached_property
     def _step_integrator(self) -> ca.Function:
-        """Function (z, p, 1) -> z after a step, by the Runge-Kutta method.
+        """Function (z, p, 1) -> z at the end of a step, by the Runge-Kutta method.
 
         z has the states and, beside them, their derivatives by the states at the start of the step and by the
         corrections at both ends; its last row is the elapsed part of the step.  p has the coefficients of σ and of
-        corrections, and H.
+        corrections, and the size of the step.
         """
         n, c = len(self.names), len(self.moves)
         z, p = ca.MX.sym("z", n + 1, 1 + n + 6 * c), ca.MX.sym("p", 6, c + 7)
-        H = p[0, -1]
-        bases = _powers(z[n, 0], H)
-        slopes = self._slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
+        step_size = p[0, -1]
+        bases = _powers_and_derivatives(z[n, 0], step_size)
+        slopes = self._rates_and_slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
         forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
         clock = ca.horzcat(1, ca.MX(1, n + 6 * c))
-        return runge_kutta(z, p, ca.vertcat(H * ca.horzcat(slopes[:, 0], change), clock))
+        return runge_kutta(z, p, ca.vertcat(step_size * ca.horzcat(slopes[:, 0], change), clock))
 
-    def _linearized_step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
-        """The mechanism's states after a step, and its matrices A and B."""
+    def _linearized_step(self, y: Array, planned: Array, step_size: float, period: float) -> tuple[Array, Step]:
+        """The mechanism's states at the end of a step, and its matrices A and B."""
         n, c = len(self.names), len(self.moves)
-        ends = self._reconstruction(H)
+        ends = self._reconstruction_matrix(step_size)
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
         begin = np.zeros((n + 1, 1 + n + 6 * c))
         begin[:n, 0], begin[:n, 1 : n + 1] = y, np.eye(n)
-        parameters = np.hstack([motion, ends, np.full((6, 1), H)])
+        parameters = np.hstack([motion, ends, np.full((6, 1), step_size)])
         last = np.array(self._step_integrator(begin, parameters, 1.0))[:n]
         y, of_states, before, after = np.split(last, np.cumsum([1, n, 3 * c]), axis=1)
-        M, N = _correction_step(H, period, c)
+        M, N = _correction_step(step_size, period, c)
         A = np.block(
             [
                 [of_states, before + after @ M],
@@ -293,52 +273,53 @@ class SampledMechanism:
         sizes, rows = self.sizes[:, None], self.rows
         return y.ravel(), (A[np.ix_(rows, rows)] * self.sizes / sizes, B[rows] * self.input_sizes / sizes)
 
-    def _reconstruction(self, H: float) -> Array:
-        """Coefficients of the polynomial of a step, of which 1 is the end, by σ and its rates at both ends, (6, 6)."""
-        scale = np.array([1.0, H, H**2])
+    def _reconstruction_matrix(self, step_size: float) -> Array:
+        """Matrix (6, 6) from σ and its two rates at both ends of a step to coefficients of σ, by the fraction of it."""
+        scale = np.array([1.0, step_size, step_size**2])
         if self.interpolate:
             return _HERMITE * np.tile(scale, 2)
         extrapolation = np.zeros((6, 6))
         extrapolation[:3, :3] = np.diag(scale / [1, 1, 2])
         return extrapolation
 
-    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float, part: ca.SX) -> ca.SX:
-        """σ and its two rates, (moves, 3), after a part of a step of size H.
+    def reconstructed_motion(self, begin: ca.SX, end: ca.SX, step_size: float, fraction: ca.SX) -> ca.SX:
+        """σ and its two rates, (moves, 3), after a fraction of a step.
 
-        :param begin: the same at the start of the step, ``end`` at its end.
+        :param begin: the same at the start of the step; ``end``: at its end.
         """
-        coefficients = ca.DM(self._reconstruction(H)) @ ca.vertcat(begin.T, end.T)
-        return (_powers(part, H) @ coefficients).T
+        coefficients = ca.DM(self._reconstruction_matrix(step_size)) @ ca.vertcat(begin.T, end.T)
+        return (_powers_and_derivatives(fraction, step_size) @ coefficients).T
 
-    def expressions(
+    def rates_states_and_signals(
         self, y: ca.SX, motion: ca.SX, forces: Mapping[str, ca.SX], signals: Sequence[str]
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Rates of the mechanism's states, the states projected onto the constraints, and signals by name.
+        """Rates of the mechanism's states y, y projected onto the constraints, and the signals, as expressions.
 
-        :param y: the states; ``motion``: σ and its two rates (moves, 3); ``forces``: inputs by name, which add to those
-            of the goal.
-        :raises PlanError: for an unknown name, or a state that is not among those that σ acts on.
+        :param motion: σ and its two rates (moves, 3).
+        :param forces: by inputs; they add to those of the goal.
+        :param signals: names.
+        :raises PlanError: for an unknown name, or a signal that depends on a state that σ does not change.
         """
         inputs = dict(self.symbols.inputs)
         for name, force in forces.items():
-            if name not in self.ports:
-                raise PlanError(f"{self.name}: no input {name!r} is free{suggestion(name, self.ports)}")
+            if name not in self.free_inputs:
+                raise PlanError(f"{self.name}: no input {name!r} is free{suggestion(name, self.free_inputs)}")
             inputs[name] += force
         symbols, rows = replace(self.symbols, inputs=inputs), self.state_indices
         state = ca.SX(ca.DM(self.start))
         state[rows] = y
-        readings = ca.vertcat(*(symbols.signals[name] for name in signals))
+        readings = stack(symbols.signals[name] for name in signals)
         for i, x in enumerate(ca.vertsplit(symbols.state)):
             if i not in rows and ca.depends_on(readings, x):
                 moves = ", ".join(self.moves)
                 raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
-        results = [symbols.rates[rows], _projected(symbols)[rows], readings]
+        results = [symbols.rates[rows], _projected_states(symbols)[rows], readings]
         rates, projected, readings = ca.substitute(results, symbols.arguments, [state, *ca.horzsplit(motion)])
         return rates, projected, readings
 
     @property
     def start_values(self) -> dict[str, float]:
-        """Start values of the mechanism by parameters."""
+        """Start values of the mechanism by its parameters."""
         return {name: float(self.symbols.parameters[name]) for name in self.symbols.start_parameters.values()}
 
     @property
@@ -347,12 +328,14 @@ class SampledMechanism:
         return [name for move in self.moves for name in motion_names(move)]
 
     @property
-    def ports(self) -> list[str]:
-        """Inputs that are no σ."""
-        return [name for name in self.symbols.inputs if name not in self.symbols.moved]
+    def free_inputs(self) -> list[str]:
+        """Names of the inputs that are no σ: forces."""
+        return [name for name in self.symbols.inputs if name not in self.symbols.motion_symbols]
 
     def directions(self, reference: Array, sigma: Array) -> Array:
-        """Directions of deviation, columns divided by sizes: for quaternions rotations, under constraints tangents.
+        """Columns that span the deviations of the states, divided by sizes.
+
+        Deviations of quaternions are rotations; under constraints they are tangential.
 
         :param reference: the states (states,).
         :param sigma: σ and its two rates there, (moves, 3).
@@ -360,7 +343,9 @@ class SampledMechanism:
         if self.is_constrained:
             return self._tangents(reference[: len(self.names)], sigma)
         D = np.eye(len(self.states))
-        for axes in self.quaternions.values():
+        for axes in self.symbols.quaternions.values():
+            if not set(axes) <= set(self.names):
+                continue
             i, *_ = indices = [self.states.index(axis) for axis in axes]
             w, x, y, z = reference[indices] / 2
             D[np.ix_(indices, indices[1:])] = [
@@ -373,13 +358,13 @@ class SampledMechanism:
         return D
 
     def _tangents(self, y: Array, sigma: Array) -> Array:
-        """Directions of deviation tangential to the constraints."""
+        """Columns that span the deviations tangential to the constraints, divided by sizes."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
         of_moves = np.array([self._magnitudes[0][m] for m in self.moves])
         sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
         slopes *= sizes / sizes[:n, None]
-        of_states = image(slopes[:, :n])
+        of_states = image_basis(slopes[:, :n])
         rank = of_states.shape[1]
         D = np.block(
             [
@@ -394,21 +379,30 @@ class SampledMechanism:
     def _projection(self) -> ca.Function:
         """Function (y, σ, σ̇, σ̈) -> y projected onto the constraints, and derivatives by y, σ and σ̇, side by side."""
         symbols, rows = self.symbols, self.state_indices
-        projected = _projected(symbols)[rows]
+        projected = _projected_states(symbols)[rows]
         causes = symbols.state[rows], *symbols.motion[:2]
         columns = ca.horzcat(projected, *(ca.jacobian(projected, x) for x in causes))
         return ca.Function("projection", symbols.arguments, [ca.densify(columns)])
 
     def full_state(self, y: Array) -> Array:
-        """All states of the mechanism, those that y omits as at the start."""
+        """All states of the mechanism: y, and the others as at the start."""
         states = self.start.copy()
         states[self.state_indices] = y
         return states
 
-    def rate_derivatives(self, reference: Array, sigma: Array, directions: Array) -> Array:
-        """Derivatives of the rates of the mechanism's states along directions, (names, directions)."""
-        slopes = np.array(self._slopes(reference[: len(self.names)], *sigma.T))[:, 1:]
-        return slopes[:, self.rows] @ (self.sizes[:, None] * directions)
+    def rate_changes(self, reference: Array, sigma: Array, directions: Array) -> dict[str, Array]:
+        """Derivatives along directions of the rates that have start values, by name.
+
+        :param reference: the states (states,), about which deviations are; ``sigma``: σ and its two rates, (moves, 3).
+        """
+        symbols = self.symbols
+        names = [name for name in symbols.start_parameters if name not in symbols.state_names]
+        causes = ca.vertcat(symbols.state[self.state_indices], *symbols.motion)
+        slopes = ca.jacobian(stack(symbols.signals[name] for name in names), causes)
+        values = ca.Function("rates", symbols.arguments, [slopes])(
+            self.full_state(reference[: len(self.names)]), *sigma.T
+        )
+        return by_name(names, np.array(values)[:, self.rows] @ (self.sizes[:, None] * directions))
 
     @cached_property
     def forces_and_mass(self) -> ca.Function:
@@ -417,29 +411,29 @@ class SampledMechanism:
         return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
 
 
-def _projected(symbols: GoalSymbols) -> ca.SX:
-    """All states of a mechanism, projected onto the constraints."""
+def _projected_states(symbols: GoalSymbols) -> ca.SX:
+    """Expressions of all states, projected onto the constraints."""
     project = symbols.model.project
     return symbols.state if project is None else project(*symbols.model_arguments[:4])
 
 
-def _powers(part: Any, H: ca.MX | float) -> Any:
-    """Powers of the elapsed part of a step of size H and their two derivatives by time, (3, powers)."""
-    values = ca.horzcat(*(part**k for k in range(6)))
-    rates = values @ _DERIVATIVE / H
-    return ca.vertcat(values, rates, rates @ _DERIVATIVE / H)
+def _powers_and_derivatives(fraction: Any, step_size: ca.MX | float) -> Any:
+    """Powers of the elapsed fraction of a step, and their first two derivatives by time, (3, powers)."""
+    values = ca.horzcat(*(fraction**k for k in range(6)))
+    rates = values @ _DERIVATIVE / step_size
+    return ca.vertcat(values, rates, rates @ _DERIVATIVE / step_size)
 
 
-def _correction_step(H: float, period: float, count: int) -> Step:
-    """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
+def _correction_step(step_size: float, period: float, count: int) -> Step:
+    """Matrices M and N of a step of corrections, (x, x', x'') -> M (x, x', x'') + N w: dx''/dt = (w - x'') / period."""
     flow = np.diag([1.0, 1.0, 1 / period], 1)  # of x, x', x'' and w
     flow[2, 2] = -1 / period
-    step: Any = np.kron(expm(H * flow)[:3], np.eye(count))
+    step: Any = np.kron(expm(step_size * flow)[:3], np.eye(count))
     return step[:, : 3 * count], step[:, 3 * count :]
 
 
 def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
-    """A and B of steps, in coordinates of the directions at both ends of each."""
+    """The steps in coordinates of the directions at both ends of each."""
     transformed: list[Step] = []
     for (A, B), (before, after) in zip(steps, pairwise(directions), strict=True):
         inverse = np.linalg.pinv(after)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,46 +16,22 @@ from liaisons.planning.goals import Array, Goal, by_name, duration_range, is_exp
 from liaisons.planning.plans import Plan
 from liaisons.planning.symbols import ROUNDING, goal_symbols
 
-
-@dataclass(frozen=True)
-class SynthesisSettings:
-    """Numbers of the synthesis, with their reasons; times are in radians of the fastest free motion."""
-
-    fewest_steps: int = 40
-    """Least number of communication steps of a plan, unless given: it is resolved even without a free motion."""
-    longest_step: float = 0.25
-    """Longest communication step of a plan, in radians, unless given: 25 samples a period, of the usual 20 to 30
-    (Åström and Wittenmark, Computer-Controlled Systems, 4.3)."""
-    steps_per_radian: int = 16
-    """Communication steps in a radian at an equilibrium, unless given: 100 samples a period."""
-    steps_per_time: int = 1000
-    """Longest radian at an equilibrium, in steps: slower free motions move by less than 1e-3 in a step, and are treated
-    as drift."""
-    least_radians: int = 3
-    """Free motions slower than this many radians over the plan, half a period, are treated as drift."""
-    parts_without_motion: int = 30
-    """Without a free motion states change by their sizes in this part of the plan: the fastest change that
-    ``fewest_steps`` sample more than once."""
-    most_steps: int = 10_000
-    """Most communication steps of a plan: each has a matrix, 5 kB for the 24 states that a Regulator reads."""
-    drift_weight: float = 1e-3
-    """Weight of the rate of a moved coordinate that is not held, beside 1 of a held one: without a weight nothing stops
-    it.  Alone, v' = w, it decays by exp(-t √(weight / effort)): in 30 radians, after the held coordinates."""
-    integration_error: float = 1e-10
-    """Relative error of the matrix of a step, by the Runge-Kutta steps of :mod:`liaisons.holding.sampling`."""
-    negligible_mass: float = 1e-3
-    """An effective mass below this part of the greatest on the trajectory is 0: bounds on its force would be bounds on
-    an acceleration a thousand times as large as elsewhere."""
-    knots_ahead: int = 6
-    """Corrections respect the bounds at this many knots to come, after which their accelerations have decayed to
-    exp(-6) = 2.5e-3."""
-    largest_miss: float = 1e-3
-    """Largest miss of the plan's end, relative to sizes: its square, which first order neglects, is ``closure``."""
-    closure: float = 1e-6
-    """Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
-
-
-SETTINGS = SynthesisSettings()
+# Numbers of the synthesis; times are in radians of the fastest free motion.
+_FEWEST_STEPS = 40
+"""Least number of communication steps of a plan, unless given: it is resolved even without a free motion."""
+_LONGEST_STEP = 0.25
+"""Longest communication step of a plan, in radians, unless given: 25 samples a period, of the usual 20 to 30
+(Åström and Wittenmark, Computer-Controlled Systems, 4.3)."""
+_STEPS_PER_RADIAN = 16
+"""Communication steps in a radian at an equilibrium, unless given: 100 samples a period."""
+_STEPS_PER_TIME = 1000
+"""Longest radian at an equilibrium, in steps: slower free motions move by less than 1e-3 in a step, and are treated
+as drift."""
+_LEAST_RADIANS = 3
+"""Free motions slower than this many radians over the plan, half a period, are treated as drift."""
+_PARTS_WITHOUT_MOTION = 30
+"""Without a free motion states change by their sizes in this part of the plan: the fastest change that
+``_FEWEST_STEPS`` sample more than once."""
 
 
 def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
@@ -67,7 +42,9 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     step_size: float | None,
     values: Mapping[str, float],
 ) -> tuple[SampledMechanism, float]:
-    """The mechanism of a plan or at an equilibrium, and its sampling period; arguments as of :func:`liaisons.hold`.
+    """The mechanism of a plan or at an equilibrium, and its sampling period [s].
+
+    Arguments are those of :func:`liaisons.hold`; ``values`` are parameters, and ``caller`` its name in errors.
 
     :raises PlanError: if it is not in equilibrium.
     """
@@ -81,7 +58,7 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
             words = "a plan says what moves, where, and with which parameters; leave at and moves out"
             raise PlanError(f"{caller}: {words}")
         sampled = sampled_mechanism(motion)
-        longest = min(motion.duration / SETTINGS.fewest_steps, SETTINGS.longest_step * sampled.time)
+        longest = min(motion.duration / _FEWEST_STEPS, _LONGEST_STEP * sampled.time)
         return sampled, step_size or float(motion.duration / np.ceil(motion.duration / longest - 1e-9))
     if at is None:
         raise PlanError(
@@ -90,29 +67,28 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     for name, value in named("at", at, PlanError).items():
         if not np.all(np.isfinite(numbers(f"at: {name}", value, PlanError))):
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
-    usual = component(motion).experiment.step_size
-    H = usual if step_size is None else step_size
-    goal = Goal(motion, move_names(motion, moves), (H, H), values, at)
-    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=SETTINGS.steps_per_time * H)
-    if step_size is None and sampled.moves_freely:
-        H = _round_down(sampled.time / SETTINGS.steps_per_radian)
+    period = step_size or component(motion).experiment.step_size
+    goal = Goal(motion, move_names(motion, moves), (period, period), values, at)
+    sampled = SampledMechanism(goal, at, interpolate=False, time=period, longest=_STEPS_PER_TIME * period)
+    if step_size is None and sampled.has_free_motion:
+        period = _round_down(sampled.time / _STEPS_PER_RADIAN)
     rates = by_name(sampled.names, sampled.rates(sampled.start[sampled.state_indices], sampled.sigma))
     rates |= {m: sampled.sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
     sizes = by_name(sampled.states, sampled.sizes)
     worst = max(rates, key=lambda name: abs(rates[name]) / sizes[name], default="")
     if worst and not abs(rates[worst]) * sampled.time <= 1e-9 * sizes[worst]:
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {rates[worst]:.3g}")
-    return sampled, H
+    return sampled, period
 
 
 def _round_down(value: float) -> float:
-    """The greatest number not above a value that is 1, 2 or 5 times a power of ten."""
+    """The greatest of 1, 2 or 5 times a power of ten that is not above a value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-9)))
 
 
 def sampled_mechanism(motion: Plan) -> SampledMechanism:
-    """The mechanism of a plan, with the start and the sizes that the plan has."""
+    """The mechanism at the start of a plan, with sizes of states from the plan's motion."""
     goal, T = motion.goal, motion.duration
     symbols = goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
@@ -129,13 +105,13 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
         Goal(goal.component, goal.moves, (T, T), goal.values, start),
         required,
         interpolate=True,
-        time=T / SETTINGS.parts_without_motion,
-        longest=T / SETTINGS.least_radians,
+        time=T / _PARTS_WITHOUT_MOTION,
+        longest=T / _LEAST_RADIANS,
         extents=extents,
     )
 
 
 def planned_motion(motion: Plan, times: ArrayLike) -> Array:
-    """σ and its two rates at times [s], (moves, 3, times)."""
+    """σ and its two rates at times of a plan [s], (moves, 3, times)."""
     sigma = motion.sigma(times)
     return np.array([[sigma[name] for name in motion_names(m)] for m in motion.goal.moves])

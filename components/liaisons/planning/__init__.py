@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from liaisons.planning.planning import plan, planned
+from liaisons.planning.planning import plan, plan_from_file
 from liaisons.planning.plans import Plan
 
-__all__ = ["Plan", "plan", "planned"]
+__all__ = ["Plan", "plan", "plan_from_file"]

@@ -34,18 +34,18 @@ class Row:
     size: float = 1.0
 
     @property
-    def relative(self) -> ca.SX:
+    def relative_expression(self) -> ca.SX:
         """The expression divided by its size."""
         return self.expression / self.size
 
     @property
-    def target(self) -> float:
+    def nearest_to_zero(self) -> float:
         """The number of the range that is nearest to 0."""
         return min(max(self.low, 0.0), self.high)
 
     @property
     def range(self) -> str:
-        """The range as text: ``"0.5"``, or ``"(0, 1)"``."""
+        """Text of the range: ``"0.5"``, or ``"(0, 1)"``."""
         return f"{self.low:g}" if self.low == self.high else f"({self.low:g}, {self.high:g})"
 
 
@@ -60,9 +60,9 @@ class GoalRows:
     cost_size: float
 
     @property
-    def along(self) -> ca.SX:
-        """The cost and the rows along the motion, each divided by its size."""
-        return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
+    def relative_cost_and_path(self) -> ca.SX:
+        """Column of the cost and of the rows along the motion, each divided by its size."""
+        return ca.vertcat(self.cost / self.cost_size, *(row.relative_expression for row in self.path))
 
 
 def goal_rows(symbols: GoalSymbols) -> GoalRows:
@@ -76,15 +76,15 @@ def goal_rows(symbols: GoalSymbols) -> GoalRows:
 
 
 def with_sizes(symbols: GoalSymbols, rows: Iterable[Row]) -> list[Row]:
-    """The rows with the sizes of their variables, or of their expressions."""
+    """The rows, to which the sizes of their variables or expressions are given."""
     sizes = symbols.sizes
     return [replace(row, size=sizes.get(row.label) or symbols.magnitude(row.expression)) for row in rows]
 
 
 def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
-    """Raise an error if the effective mass is singular at the start, where forces do not determine accelerations.
+    """Raise an error if the effective mass Θ is singular at the start: forces do not determine accelerations.
 
-    :raises PlanError: naming what needs the forces.
+    :param label: what needs the forces.
     """
     sizes = symbols.motion_sizes[0]
     relative = symbols.evaluate(symbols.mass, 0.0) * np.outer(sizes, sizes) / (symbols.energy * symbols.time**2)
@@ -98,7 +98,10 @@ def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
 
 
 def _user_values(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
-    """Column of the values of a user's function of the variables, or of a formula."""
+    """Column of the values of a function or formula of the variables, which a user has written.
+
+    :raises PlanError: for errors in it.
+    """
     try:
         value = formula(expression, symbols.signals) if isinstance(expression, str) else expression(symbols.signals)
         value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
@@ -122,7 +125,7 @@ def _vanishing_rows(symbols: GoalSymbols, label: str, expression: Any) -> list[R
 
 
 def _start_rows(symbols: GoalSymbols) -> list[Row]:
-    """Rows of the state, of σ and of σ̇ at the start: values and ranges of the goal, others as declared."""
+    """Rows of the state, σ and σ̇ at the start: those of the goal; states and σ of which it says nothing as declared."""
     if is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
     goal, names, starts = symbols.goal, symbols.state_names, symbols.start_parameters
@@ -159,7 +162,7 @@ def _end_rows(symbols: GoalSymbols) -> list[Row]:
 
 
 def _path_rows(symbols: GoalSymbols) -> list[Row]:
-    """Rows along the motion: the bounds of the goal, and the domains of further coordinates."""
+    """Rows along the motion: the bounds of the goal, and the domains of coordinates without bounds."""
     owner, variables = symbols.name, symbols.model.variables
     rows: dict[str, Row] = {}
     for name, value in values_by_element(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():

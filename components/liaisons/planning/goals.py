@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from liaisons.base.arguments import finite, listed, named, shown
 from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
-from liaisons.library import Target, component, has_size
+from liaisons.library import Target, component, fmu_path, has_size
 
 Array: TypeAlias = NDArray[np.float64]
 Expression: TypeAlias = "Callable[[Readings], Any] | str"
@@ -40,6 +41,22 @@ class Goal:
     minimize: Cost = "time"
     bounds: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
     phases: tuple[Mapping[str, Any], ...] = ()  # modes by contact, and durations
+
+    @property
+    def structure(self) -> dict[str, Any]:
+        """Value of ``n``, the number of links or elements, by its name, if the component has it; else empty."""
+        values = self.values
+        return {"n": values["n"]} if "n" in values and has_size(component(self.component)) else {}
+
+    @property
+    def fmu(self) -> Path:
+        """Path of the mechanism's FMU."""
+        return fmu_path(self.component, **self.structure)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of parameters and inputs that are no structure."""
+        return {name: value for name, value in self.values.items() if name not in self.structure}
 
 
 class Readings(Mapping[str, ca.SX]):
@@ -90,13 +107,8 @@ def motion_names(move: str) -> tuple[str, str, str]:
 
 
 def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
-    """Dictionary from names to values, of which there are as many."""
+    """Dictionary from names to values; a ValueError unless there are as many of both."""
     return dict(zip(names, values, strict=True))
-
-
-def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
-    """Parameter ``n``, the number of links or elements, if the component has it; else an empty dictionary."""
-    return {"n": values["n"]} if "n" in values and has_size(component(target)) else {}
 
 
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -113,8 +125,11 @@ def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
 
 
-def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
-    """Phases as dictionaries, checked; none without phases."""
+def checked_phases(phases: Any) -> tuple[Mapping[str, Any], ...]:
+    """Phases, each a dictionary from contacts to modes; empty for None.
+
+    :raises PlanError: for anything else.
+    """
     if phases is None:
         return ()
     entries = [*phases] if isinstance(phases, (list, tuple)) else []
@@ -140,7 +155,7 @@ def unit_quaternion(label: str, value: Any) -> Array:
 
 
 def is_expression(value: object) -> bool:
-    """Whether a start or an end is a function or a formula, which has to vanish."""
+    """Whether a start or an end is a function or a formula, instead of values by name."""
     return callable(value) or isinstance(value, str)
 
 
@@ -154,7 +169,7 @@ def finite_number(label: str, value: Any) -> float:
 
 
 def values_by_element(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
-    """Values by the names of scalars, from values by the names of scalars and arrays.
+    """Values by the names of scalars, from names of scalars and of arrays.
 
     :raises PlanError: unless the values have names, and lists the lengths of their arrays.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import count, pairwise, product
 from typing import Any
 
@@ -47,17 +48,17 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
 
 def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Straight lines from start to end through all phases, of equal durations at first, then of others."""
+    """Endless series of straight lines from start to end through all phases, whose durations vary."""
     ranges = np.array([phase.duration for phase in problem.phases])
     arcs = (Arc(max(3, -(-intervals // len(ranges)))),) * len(ranges)
     for k in count():
         trajectory = _straight_transfer(problem, intervals, k)
         shares = np.array([0.2 + _halton(k, 1 + i) for i in range(len(ranges))])
-        yield trajectory.on(arcs, (trajectory.durations * shares / shares.sum()).clip(*ranges.T))
+        yield trajectory.interpolated(arcs, (trajectory.durations * shares / shares.sum()).clip(*ranges.T))
 
 
 def refuse_invariants(problem: Problem) -> None:
-    """Raise an error for a goal at the end that has one value at the end of all of several arbitrary motions.
+    """Raise an error for a row at the end that has one value, outside of its range, at the end of three motions.
 
     :param problem: in relative units.
     :raises PlanError: with its name.
@@ -66,19 +67,11 @@ def refuse_invariants(problem: Problem) -> None:
     started = {state for state in problem.states if state in initial_labels or state in problem.moves}
     if not end.labels or len(started) < len(problem.states):
         return
-    values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
-    for k in range(1, 6):
-        trajectory = (
-            _halton_ellipse(problem, _INTERVALS, k)
-            if problem.is_loop
-            else _integrated_transfer(problem, _INTERVALS, k, is_arbitrary=True)
-        )
-        values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
-        spread = np.ptp(values, axis=1)
-        off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
-        if k > 1 and not ((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)).any():
-            return
-    for i in np.flatnonzero((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
+    motion = _halton_ellipse if problem.is_loop else partial(_integrated_transfer, is_arbitrary=True)
+    ends = (end.function(motion(problem, _INTERVALS, k).knots[:, -1]) for k in range(1, 4))
+    values = np.hstack([*map(np.array, ends)])
+    off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
+    for i in np.flatnonzero((np.ptp(values, axis=1) < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
         required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
@@ -89,7 +82,7 @@ def refuse_invariants(problem: Problem) -> None:
 
 
 def _halton(k: int, dimension: int) -> float:
-    """The k-th number of Halton's low-discrepancy sequence in (0, 1), in one of its dimensions."""
+    """The k-th number in (0, 1) of Halton's low-discrepancy sequence, in a dimension counted from 0."""
     base, value, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
     while k > 0:
         digit /= base
@@ -99,7 +92,7 @@ def _halton(k: int, dimension: int) -> float:
 
 
 def _trajectory_at_rest(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory:
-    """A trajectory that rests at the start.
+    """The trajectory that rests at the start.
 
     A free duration is the geometric mean of its range for k = 0, else spread over the range.
     """
@@ -111,7 +104,7 @@ def _trajectory_at_rest(problem: Problem, intervals: int, k: int = 0) -> Colloca
 
 
 def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """Straight lines from start to end, with random waves on the controls."""
+    """The trajectory along straight lines from start to end, with the k-th random waves on its controls."""
     trajectory = _trajectory_at_rest(problem, intervals, k)
     T, start, names = trajectory.durations[0], problem.initial_state, problem.states
     knots, points = trajectory.breaks / T, trajectory.instants / T
@@ -120,7 +113,7 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
     moves = {name: change[names.index(name)] for name in problem.moves if name in names}
 
     def states(u: Array) -> Array:
-        """States at fractions u of the duration."""
+        """States (states, times) at fractions u of the duration."""
         rise, rate, _ = _smooth_step(u, T)
         x = start[:, None] + change[:, None] * rise
         for four in zip(*[iter(axes)] * 4, strict=True):  # all of them 0 where w alone is given as 0
@@ -147,23 +140,23 @@ def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
 
 
 def _closed_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Loops with integrated states: the best of some simple ellipses, then others that fill the ranges of σ."""
+    """Endless series of loops with integrated states: the best of simple circles, then ellipses of all kinds."""
 
     def miss(trajectory: CollocatedTrajectory) -> float:
-        """Violation of the end and of the bounds."""
+        """Norm of the violation of the end, and greatest violation of the bounds."""
         missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
         beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
         return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))
 
     yield min(_simple_circles(problem, intervals), key=miss)
     if not _has_sigma_start(problem):
-        yield from _opposite_circles(problem, intervals)
+        yield from _circles_about_opposite_shapes(problem, intervals)
     for k in count(1):
         yield min((_halton_ellipse(problem, intervals, _LOOPS_TRIED * k + i) for i in range(_LOOPS_TRIED)), key=miss)
 
 
 def _sigma_ranges(problem: Problem) -> tuple[Array, Array]:
-    """Middles and half widths of the ranges of σ: its bounds, else half a turn to both sides of the start."""
+    """Middles and half widths of the bounds of σ, or of half a turn to both sides of the start."""
     start = problem.initial_state[problem.indices(problem.moves)]
     bounds = by_name(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True))
     low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
@@ -178,7 +171,7 @@ def _has_sigma_start(problem: Problem) -> bool:
 
 
 def _halton_ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """The k-th of the ellipses that fill the ranges of σ."""
+    """The k-th of a series of ellipses that fill the ranges of σ."""
     c = len(problem.moves)
     u = np.array([[_halton(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
     middles, widths = _sigma_ranges(problem)
@@ -190,8 +183,8 @@ def _halton_ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTraje
     return _ellipse(problem, _trajectory_at_rest(problem, intervals, k), centres, radii, phases)
 
 
-def _opposite_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Small and large circles about shapes opposite to the start, and between, for joints that turn freely."""
+def _circles_about_opposite_shapes(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+    """Small and large circles of σ half a turn or a quarter from the start, for joints that turn freely."""
     middles, widths = _sigma_ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
@@ -201,7 +194,7 @@ def _opposite_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTr
 
 
 def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Circles of several sizes and centres, in both senses."""
+    """Circles of σ of several sizes and centres, in both senses."""
     trajectory, start = _trajectory_at_rest(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _sigma_ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
@@ -216,9 +209,9 @@ def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
 def _ellipse(
     problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
 ) -> CollocatedTrajectory:
-    """One round of σ on an ellipse about ``centre``, from where a weighted sum of σ is extremal.
+    """The trajectory of one round of σ on an ellipse, with integrated states.
 
-    If the goal has values of σ at the start, it passes through ``centre`` instead.
+    It starts where a weighted sum of σ is extremal; at ``centre``, if the goal has values of σ at the start.
     """
     w, shift = 2 * np.pi / trajectory.durations[0], 0.0
     if _has_sigma_start(problem):
@@ -227,7 +220,7 @@ def _ellipse(
         phases = phases - np.angle(anchor_weights(len(phases)) @ (radius * np.exp(1j * phases)))
 
     def motion(t: float) -> tuple[Array, Array, Array]:
-        """σ, σ̇ and σ̈."""
+        """σ, σ̇ and σ̈ at a time."""
         angle = w * t - phases
         value = centre + radius * (np.cos(angle) - shift)
         return value, -radius * w * np.sin(angle), -radius * w**2 * np.cos(angle)
@@ -253,7 +246,7 @@ def _integrated_transfer(
     w = 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:
-        """σ, σ̇ and σ̈."""
+        """σ, σ̇ and σ̈ at a time."""
         rise, rate, acceleration = (change * x for x in _smooth_step(t / T, T))
         value = first + rise + waves @ (1 - np.cos(w * t))
         return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
@@ -264,28 +257,28 @@ def _integrated_transfer(
 def _with_integrated_states(
     problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Array, Array, Array]]
 ) -> CollocatedTrajectory:
-    """The trajectory of a motion of σ, its states integrated by the midpoint rule from point to point."""
+    """The trajectory with this motion of σ, and states integrated by the midpoint rule from point to point."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]
     indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]
 
-    def put(x: Array, t: float) -> tuple[Array, Array]:
-        """State with the values of σ and σ̇ in it, and controls."""
+    def state_and_controls(x: Array, t: float) -> tuple[Array, Array]:
+        """The state x with σ and σ̇ of the motion, and the controls."""
         sigma, x = motion(t), x.copy()
         for index, n, i in indices:
             x[index] = sigma[n][i]
         return x, sigma[problem.control_order]
 
     def slope(x: Array, t: float) -> Array:
-        """Rates of the state."""
-        return np.array(problem.rates(*put(x, t))).ravel()
+        """Rates of the state x."""
+        return np.array(problem.rates(*state_and_controls(x, t))).ravel()
 
-    states = {0.0: put(problem.initial_state, 0.0)[0]}
+    states = {0.0: state_and_controls(problem.initial_state, 0.0)[0]}
     for t, after in pairwise(times):
         x, h = states[t], after - t
         k1 = slope(x, t)
         k2 = slope(x + h / 2 * k1, t + h / 2)
-        states[after] = put(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
+        states[after] = state_and_controls(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
     knots, inner = (np.array([states[t] for t in ts]).T for ts in (trajectory.breaks, trajectory.instants))
     controls = np.array([motion(t)[problem.control_order] for t in trajectory.instants]).T
     return replace(trajectory, knots=knots, inner=inner, controls=controls)

@@ -24,7 +24,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import suffixed
@@ -65,89 +64,85 @@ class _Phase:
 
     @property
     def gaps(self) -> dict[int, bool]:
-        """Whether gaps are closed, by their indices."""
+        """Whether each gap is closed, by its index among the contacts."""
         return {i: self.modes[c.name] == "closed" for i, c in enumerate(self.contacts) if not c.friction}
 
     @property
     def frictions(self) -> dict[int, int]:
-        """Directions of sliding, 0 where it sticks, by the indices of the frictions that can act."""
+        """Direction of sliding of each friction that can act, 0 if it sticks, by its index among the contacts."""
         acting = [(i, c.name) for i, c in enumerate(self.contacts) if c.friction and self.modes.get(c.normal) != "open"]
         return {i: _DIRECTIONS[self.modes[name]] for i, name in acting}
 
     @property
-    def flags(self) -> dict[str, float]:
-        """1 for what is closed or sticks, else 0, by the names of the FMU's variables."""
+    def mode_values(self) -> dict[str, float]:
+        """Values of the FMU's variables for modes, by name: 1 for a contact that is closed or sticks, else 0."""
         flags = {self.contacts[i].variable("closed"): float(closed) for i, closed in self.gaps.items()}
         return flags | {self.contacts[i].variable("sticks"): float(not d) for i, d in self.frictions.items()}
 
     @cached_property
     def symbols(self) -> GoalSymbols:
         """Symbols of the mechanism in the modes of the phase."""
-        numbers = self.flags | {self.contacts[i].variable("direction"): float(d) for i, d in self.frictions.items()}
+        numbers = self.mode_values | {
+            self.contacts[i].variable("direction"): float(d) for i, d in self.frictions.items()
+        }
         memory = self.goal_symbols.model.memory
         return replace(self.goal_symbols, memory=tuple(numbers.get(name, 0.0) for name in memory))
 
     @cached_property
-    def numbers(self) -> Mapping[str, ca.SX]:
-        """Numbers of the contacts without their forces, a row each, by name."""
+    def contact_terms(self) -> Mapping[str, ca.SX]:
+        """Gaps, velocities, accelerations without contact forces, ... by name, with a row for each contact."""
         contact: Any = self.symbols.model.contact
-        numbers = by_name(contact.name_out(), contact.call([ca.SX(x) for x in self.symbols.model_arguments[:4]]))
+        terms = by_name(contact.name_out(), contact.call([ca.SX(x) for x in self.symbols.model_arguments[:4]]))
         padding = ca.SX.zeros(len(self.gaps))
-        return numbers | {name: ca.vertcat(padding, numbers[name]) for name in ("stick", "slide")}
+        return terms | {name: ca.vertcat(padding, terms[name]) for name in ("stick", "slide")}
 
     @cached_property
     def forces(self) -> ca.SX:
-        """Contact forces: v̇ = a + G x is 0 where a gap is closed or friction sticks."""
+        """Contact forces x, with which v̇ = a + G x is 0 where a gap is closed or friction sticks."""
         contacts = range(len(self.contacts))
         held = ca.SX([float(self.gaps.get(i, self.frictions.get(i) == 0)) for i in contacts])
-        drag = -ca.DM([self.frictions.get(i, 0) for i in contacts]) * self.numbers["slide"]
+        drag = -ca.DM([self.frictions.get(i, 0) for i in contacts]) * self.contact_terms["slide"]
         normals = [*map(self.normal, contacts)]
-        return Compliance.of_numbers(self.numbers).forces(self.numbers["a"], held, drag, normals)[0]
+        return Compliance.of_numbers(self.contact_terms).forces(self.contact_terms["a"], held, drag, normals)[0]
 
     def normal(self, friction: int) -> int:
         """Index of the gap whose force bounds a friction; -1 if its bound is a force."""
         return next((i for i in self.gaps if self.contacts[i].name == self.contacts[friction].normal), -1)
 
     def margins(self, friction: int) -> dict[int, ca.SX]:
-        """Distances of a force from the bounds at which friction slips, by the direction."""
+        """Distances of a friction force from the bounds at which it slips, by the direction of sliding."""
         normal, force = self.normal(friction), self.forces[friction]
-        bound = self.numbers["stick"][friction] * (1 if normal < 0 else self.forces[normal])
+        bound = self.contact_terms["stick"][friction] * (1 if normal < 0 else self.forces[normal])
         return {1: bound + force, -1: bound - force}
 
     def rows(self) -> GoalRows:
         """Constraints and cost of the goal, with those of the contacts along the phase."""
-        rows, values = goal_rows(self.symbols), list[tuple[str, ca.SX]]()
-        for i, closed in self.gaps.items():
-            name = self.contacts[i].name
-            values.append((suffixed(name, "_force"), self.forces[i]) if closed else (name, self.numbers["gap"][i]))
-        for i, direction in self.frictions.items():
-            name = self.contacts[i].name
-            if direction:
-                values.append((name, direction * self.numbers["v"][i]))
-            else:
-                values += [(suffixed(name, "_force"), margin) for margin in self.margins(i).values()]
-        own = (Row(name, value, 0.0, np.inf) for name, value in values)
-        return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
+        rows = goal_rows(self.symbols)
+        values = [(i, self.forces[i]) for i, closed in self.gaps.items() if closed]
+        sticking = (i for i, direction in self.frictions.items() if not direction)
+        values += [(i, margin) for i in sticking for margin in self.margins(i).values()]
+        forces = (Row(suffixed(self.contacts[i].name, "_force"), value, 0.0, np.inf) for i, value in values)
+        return replace(rows, path=[*rows.path, *self.sign_rows(), *with_sizes(self.symbols, forces)])
 
-    def ranges(self) -> list[Row]:
-        """Rows of the gaps that are open, and of the sliding velocities, with their signs."""
-        v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
+    def sign_rows(self) -> list[Row]:
+        """Rows of what has a sign: gaps that are open, and sliding velocities."""
+        v, gap, names = self.contact_terms["v"], self.contact_terms["gap"], [c.name for c in self.contacts]
         rows = [Row(names[i], gap[i], 0.0, np.inf) for i, is_closed in self.gaps.items() if not is_closed]
         ends = {1: (0.0, np.inf), -1: (-np.inf, 0.0)}
         rows += [Row(names[i], v[i], *ends[direction]) for i, direction in self.frictions.items() if direction]
         return with_sizes(self.symbols, rows)
 
     def held_rows(self) -> list[Row]:
-        """Rows of what the phase conserves: gap and rate 0 where it is closed, sliding velocity 0 where it sticks."""
-        v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
+        """Rows of what stays 0: gap and rate where it is closed, sliding velocity where it sticks."""
+        v, gap, names = self.contact_terms["v"], self.contact_terms["gap"], [c.name for c in self.contacts]
         closed = [i for i, is_closed in self.gaps.items() if is_closed]
         rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed(names[i], "_dot"), v[i]))]
         rows += [Row(names[i], v[i]) for i, direction in self.frictions.items() if not direction]
         return with_sizes(self.symbols, rows)
 
 
-def problem_of(goal: Goal) -> Problem:
-    """The problem of optimal control of a goal, with its phases if it has some.
+def optimal_control_problem(goal: Goal) -> Problem:
+    """The problem of optimal control of a goal, with or without phases.
 
     :raises PlanError: for an unknown name or mode, with the nearest one, or what cannot be reached.
     """
@@ -158,14 +153,16 @@ def problem_of(goal: Goal) -> Problem:
     rows = [phase.rows() for phase in phases]
     last, size = len(rows) - 1, next((one.cost_size for one in rows if one.cost.n_dep()), rows[0].cost_size)
     start = [*rows[0].start, *problems.rows_at_rest(symbols, {row.label for row in rows[0].start})]
-    start += _independent_rows(symbols, "start", start, phases[0].held_rows(), phases[0].ranges())
+    start += _independent_rows(symbols, "start", start, phases[0].held_rows(), phases[0].sign_rows())
     held = [*_independent_rows(symbols, "end", [], phases[-1].held_rows(), [])]
-    end = [*_independent_rows(symbols, "end", held, rows[-1].end, phases[-1].ranges())]
+    end = [*_independent_rows(symbols, "end", held, rows[-1].end, phases[-1].sign_rows())]
     parts = []
     for k, (phase, one) in enumerate(zip(phases, rows, strict=True)):
         own = replace(one, start=start if k == 0 else [], end=end if k == last else [], cost_size=size)
         parts.append(
-            replace(problems.problem_in_all_states(phase.symbols, own), duration=phase.duration, modes=phase.flags)
+            replace(
+                problems.problem_in_all_states(phase.symbols, own), duration=phase.duration, modes=phase.mode_values
+            )
         )
     return replace(
         parts[0],
@@ -219,11 +216,11 @@ def _total_duration(duration: tuple[float, float], phases: Sequence[_Phase]) -> 
 
 
 def _independent_rows(
-    symbols: GoalSymbols, label: str, rows: list[Row], further: list[Row], ranges: list[Row]
+    symbols: GoalSymbols, label: str, rows: list[Row], further: list[Row], signs: list[Row]
 ) -> Iterator[Row]:
-    """Further rows that do not follow from rows, at states where all of these hold.
+    """The further rows that are independent of the rows and of each other, at a state where all of them hold.
 
-    :param ranges: rows of what has a sign.
+    :param signs: rows of what has a sign.
     :raises PlanError: if a row follows with another value, or sign, or has no derivative.
     """
     states = problems.candidate_states(symbols, 2)
@@ -231,19 +228,20 @@ def _independent_rows(
     first = problems.initial_values(symbols, states, [*rows, *further])
     x = np.array([first[state.name] for state in states])
     independent = [row for row in rows if row.low == row.high]
-    for row in (*further, *ranges):
-        columns = stack((one.expression - one.target) / one.size for one in (*independent, row))
+    for row in (*further, *signs):
+        columns = stack((one.expression - one.nearest_to_zero) / one.size for one in (*independent, row))
         results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
         function = ca.Function("rows", [X, symbols.motion[2]], results)
-        owner = f"{symbols.name}: {label}: {row.label}"
-        values, gradients = _finite_results(owner, function, x)
+        values = gradients = np.zeros((0, 0))
         for _ in range(_PROJECTIONS):
+            values, gradients = map(np.array, function(x, 0))  # σ̈ = 0
+            if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
+                raise PlanError(f"{symbols.name}: {label}: {row.label} has no derivative there; move it")
             x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
-            values, gradients = _finite_results(owner, function, x)
         is_free = np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients)
-        value, shift = row.target + values[-1].item() * row.size, _DEPENDENT * row.size
+        value, shift = row.nearest_to_zero + values[-1].item() * row.size, _DEPENDENT * row.size
         where = f"{symbols.name}: {label}: phases make {row.label} = {value:g} there"
-        if any(row is one for one in ranges):
+        if any(row is one for one in signs):
             if not (is_free or row.low - shift <= value <= row.high + shift):
                 raise PlanError(f"{where}, not in {row.range}")
         elif row.low < row.high or is_free:
@@ -251,17 +249,6 @@ def _independent_rows(
             yield row
         elif abs(value - row.low) > shift:
             raise PlanError(f"{where}, not {row.low:g}")
-
-
-def _finite_results(owner: str, function: ca.Function, x: NDArray) -> tuple[NDArray, NDArray]:
-    """Values of rows and their gradients where σ̈ = 0.
-
-    :raises PlanError: if they are not finite.
-    """
-    values, gradients = map(np.array, function(x, 0))
-    if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
-        raise PlanError(f"{owner} has no derivative there; move it")
-    return values, gradients
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,30 +270,30 @@ class _Junction:
         return [symbols.sizes[c.variable("force")] * symbols.time for c in self.before.contacts]
 
     @cached_property
-    def struck(self) -> list[int]:
-        """Indices of the gaps that close, or bounce."""
+    def struck_gaps(self) -> list[int]:
+        """Indices of the gaps that close or bounce at the junction."""
         after = self.after
         opens = [i for i, closed in self.before.gaps.items() if not closed]
         return [i for i in opens if after.gaps[i] or after.contacts[i].name in after.named]
 
     @cached_property
-    def jumping(self) -> list[int]:
+    def impact_gaps(self) -> list[int]:
         """Indices of the gaps that have an impact: those that bounce, or close without restitution."""
-        symbols, e = self.before.symbols, self.before.numbers["restitution"]
-        return [i for i in self.struck if not self.after.gaps[i] or symbols.evaluate(e[i], 0.0).item() == 0]
+        symbols, e = self.before.symbols, self.before.contact_terms["restitution"]
+        return [i for i in self.struck_gaps if not self.after.gaps[i] or symbols.evaluate(e[i], 0.0).item() == 0]
 
     def rows(self) -> Rows:
-        """All conditions.
+        """All conditions as one function.
 
         :raises PlanError: for an impact that has no law.
         """
-        symbols, numbers = self.before.symbols, self.before.numbers
+        symbols, terms = self.before.symbols, self.before.contact_terms
         states, n = problems.candidate_states(symbols, 2), symbols.state.numel()
         X = stack(state.symbol for state in states)
         X0, push = ca.SX.sym("before", X.numel()), symbols.model.push
         assert push is not None
         pushed = push(*symbols.model_arguments, self.impulses * ca.DM(self.sizes), ca.SX.zeros(len(self.before.gaps)))
-        columns = (ca.vertcat(pushed[0][:n], *symbols.motion[:2]), numbers["gap"], numbers["v"])
+        columns = (ca.vertcat(pushed[0][:n], *symbols.motion[:2]), terms["gap"], terms["v"])
         started, gap, v = ca.substitute([ca.SX(column) for column in columns], [X], [X0])
         rows = [Row(state.name, state.symbol - started[i]) for i, state in enumerate(states)]
         for i in self.before.gaps:
@@ -320,41 +307,41 @@ class _Junction:
         return Rows(tuple(row.label for row in rows), function, low, high, sizes)
 
     def _gap_rows(self, i: int, gap: ca.SX, v: ca.SX) -> Iterator[Row]:
-        """Conditions on a gap, from its value and its rate before."""
-        name, stays, numbers = self.before.contacts[i].name, self.after.gaps[i], self.before.numbers
-        jumps = i in self.jumping
-        is_pushed = bool(self.jumping) if stays else jumps
-        if i in self.struck:
+        """Conditions on the i-th gap, from its value and its rate before."""
+        name, stays, terms = self.before.contacts[i].name, self.after.gaps[i], self.before.contact_terms
+        jumps = i in self.impact_gaps
+        is_pushed = bool(self.impact_gaps) if stays else jumps
+        if i in self.struck_gaps:
             yield Row(name, gap)
             if not jumps:
                 yield Row(suffixed(name, "_dot"), v)
         if is_pushed:
-            yield Row(suffixed(name, "_dot"), numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
+            yield Row(suffixed(name, "_dot"), terms["v"][i] + (0 if stays else terms["restitution"][i] * v))
         yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
         if self.before.gaps[i] and not stays:
             yield Row(suffixed(name, "_force"), -self.before.forces[i], 0.0, np.inf)
 
     def _friction_rows(self, i: int) -> Iterator[Row]:
-        """Conditions on dry friction, whose impulse is bounded by the sliding coefficient, as in FMUs.
+        """Conditions on the i-th contact, a dry friction: its impulse is bounded by sliding, as in FMUs.
 
         :raises PlanError: if the gap that presses it bounces.
         """
         before, name, normal = self.before, self.before.contacts[i].name, self.before.normal(i)
         earlier, later = before.frictions.get(i), self.after.frictions.get(i)
-        if normal in self.jumping and later is None:
+        if normal in self.impact_gaps and later is None:
             raise PlanError(
                 f"{before.symbols.name}: {before.contacts[i].normal} bounces where {name} rubs; let it close"
             )
-        rubs = normal >= 0 and later is not None and bool(self.jumping)
+        rubs = normal >= 0 and later is not None and bool(self.impact_gaps)
         if rubs:
-            most = before.numbers["slide"][i] * self.impulses[normal] * (self.sizes[normal] / self.sizes[i])
+            most = before.contact_terms["slide"][i] * self.impulses[normal] * (self.sizes[normal] / self.sizes[i])
             signs, high = ((later,), 0.0) if later else ((1, -1), np.inf)
             yield from (Row("", most + sign * self.impulses[i], 0.0, high) for sign in signs)
         else:
             yield Row("", self.impulses[i])
         slips = bool(later) and not rubs and earlier is not None and earlier != later
-        if (slips and earlier) or (later == 0 and (earlier != 0 or self.jumping)):
-            yield Row(name, before.numbers["v"][i])
+        if (slips and earlier) or (later == 0 and (earlier != 0 or self.impact_gaps)):
+            yield Row(name, before.contact_terms["v"][i])
         if slips:
             stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})
             yield Row(suffixed(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)

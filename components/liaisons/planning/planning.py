@@ -19,17 +19,17 @@ from liaisons.planning.goals import (
     Expression,
     Goal,
     Value,
+    checked_phases,
     closed_names,
     duration_range,
-    modes_by_phase,
     move_names,
 )
 from liaisons.planning.guesses import guesses, refuse_invariants
-from liaisons.planning.phases import problem_of
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem
-from liaisons.planning.searching import LIMITS, SearchSettings, refuse_singularity, search
-from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_si, relative
+from liaisons.planning.searching import COARSE_INTERVALS, SearchSettings, refuse_singularity, search
+from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_relative_units, in_si
 
 _VANISHING = 1e-5
 """Part of the duration below which a phase vanishes."""
@@ -109,7 +109,7 @@ def plan(
         minimize=minimize,
         bounds=named("bounds", bounds or {}, PlanError),
         values=merged("plan", start_values, keywords, PlanError),
-        phases=modes_by_phase(phases),
+        phases=checked_phases(phases),
     )
     whole("intervals", intervals, PlanError)
     whole("loops", loops, PlanError)
@@ -121,23 +121,23 @@ def plan(
     title = f"plan {', '.join(names)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
-        problem = problem_of(goal)
+        problem = optimal_control_problem(goal)
         if loops > 1:
             goal = _goal_of_one_loop(goal, problem, loops)
-            problem = problem_of(goal)
+            problem = optimal_control_problem(goal)
         if not phases:
-            refuse_invariants(problem.relative)
-        starts = guesses(problem.relative, intervals if phases else min(LIMITS.coarse_intervals, intervals))
+            refuse_invariants(problem.relative_problem)
+        starts = guesses(problem.relative_problem, intervals if phases else min(COARSE_INTERVALS, intervals))
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
-        solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
+        solution = search(problem.relative_problem, starts, clock, SearchSettings(intervals, accuracy, tries))
     _refuse_vanishing_phases(solution)
     if minimize == "motion":
         refuse_singularity(solution)
     return Plan(goal, problem, in_si(problem, solution))
 
 
-def planned(path: Path | str, *, progress: bool = False) -> Plan:
+def plan_from_file(path: Path | str, *, progress: bool = False) -> Plan:
     """Run :func:`plan` with the arguments of a TOML file.
 
     ::
@@ -166,7 +166,7 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
 
 
 def _refuse_vanishing_phases(solution: Solution) -> None:
-    """Raise an error for a phase that lasts no time, where its duration is free."""
+    """Raise an error if a phase of free duration lasts no time."""
     problem, durations = solution.problem, solution.trajectory.durations
     for k, (phase, T) in enumerate(zip(problem.phases, durations, strict=False)):
         if phase.duration[0] < T <= _VANISHING * durations.sum():
@@ -176,7 +176,7 @@ def _refuse_vanishing_phases(solution: Solution) -> None:
 
 
 def _goal_of_one_loop(goal: Goal, problem: Problem, loops: int) -> Goal:
-    """The goal of one of several equal loops, whose changes are equal parts.
+    """The goal of one of several equal loops, with its part of the change and of the duration.
 
     :raises PlanError: if there are none, or if what one of them gains is not what the next one gains.
     """
@@ -206,9 +206,9 @@ def _trajectory_of_guess(problem: Problem, guess: Plan, intervals: int) -> Collo
     """The motion of another plan, on one arc of equal intervals."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
-    trajectory = relative(problem, guess.solution).trajectory
+    trajectory = in_relative_units(problem, guess.solution).trajectory
     if len(problem.phases) != len(guess.problem.phases):
         raise PlanError(f"{problem.name}: guess has {len(guess.problem.phases)} phases; give a plan of the same phases")
     if problem.phases:
         return trajectory
-    return trajectory.on((Arc(intervals),), trajectory.durations.sum(keepdims=True))
+    return trajectory.interpolated((Arc(intervals),), trajectory.durations.sum(keepdims=True))

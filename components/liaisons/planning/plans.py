@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn, final
@@ -22,9 +22,9 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
-from liaisons.library import Target, fmu_path, is_named
-from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, modes_by_phase, motion_names
-from liaisons.planning.phases import problem_of
+from liaisons.library import Target, is_named
+from liaisons.planning.goals import Goal, by_name, checked_phases, duration_range, motion_names
+from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
     DEGREE,
@@ -35,8 +35,8 @@ from liaisons.planning.transcription import (
     Clock,
     CollocatedTrajectory,
     Solution,
+    in_relative_units,
     interval_count,
-    relative,
 )
 from liaisons.planning.verifying import MODE_DISTANCES, verdicts
 
@@ -88,7 +88,10 @@ class Plan:
 
     @property
     def multipliers(self) -> dict[str, float]:
-        """Derivatives of the cost by values at the end, by name, and by a given duration; none by those of phases."""
+        """Derivatives of the cost by each value at the end, by name, and by the duration if it is given.
+
+        Durations of phases have none.
+        """
         multipliers = by_name(self.problem.end.labels, map(float, self.solution.end_multipliers))
         low, high = self.problem.duration
         if not all(phase.duration[0] < phase.duration[1] for phase in self.problem.phases):
@@ -97,11 +100,11 @@ class Plan:
 
     @property
     def switches(self) -> Array:
-        """Ends of the arcs [s], where controls may jump."""
+        """Instants [s] at which controls may jump: ends of the arcs but the last."""
         return np.cumsum(self.solution.trajectory.durations)[:-1]
 
     def sigma(self, t: ArrayLike) -> dict[str, Array]:
-        """σ, σ̇ and σ̈ by the names of the FMU's variables; at a jump the values after it.
+        """Values of σ, σ̇ and σ̈ by the names of the FMU's variables; at a jump those after it.
 
         :param t: times [s], of any shape; beyond both ends the polynomials are extrapolated.
         :raises PlanError: if the times are no numbers.
@@ -115,7 +118,7 @@ class Plan:
 
     @cached_property
     def _polynomials(self) -> dict[str, PPoly]:
-        """σ on each interval of the mesh: integrals of the controls, so that σ, σ̇ and σ̈ agree."""
+        """Polynomials of σ on the intervals of the mesh, by name: integrals of the controls."""
         trajectory, problem = self.solution.trajectory, self.problem
         h = np.diff(trajectory.breaks)
         first = by_name(problem.states, trajectory.knots[:, 0])
@@ -145,14 +148,14 @@ class Plan:
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
         knots = self._knots if interpolate else self._equidistant_knots(step)
-        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **_tables(knots))
+        system.add(self.problem.name, self.goal.fmu, **self.fmu_starts, **_tables(knots))
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
-        """Simulate the FMUs; communication points are the knots."""
+        """Simulate the FMUs, with the knots as communication points."""
         values = {**self.fmu_starts, **_tables(self._knots)}
-        return simulate(self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **values)
+        return simulate(self.goal.fmu, times=self._communication_points(), tolerance=_TOLERANCE, **values)
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
         """Verdicts: replay by FMUs, bounds between nodes, extremality, second-order condition, finer mesh, multipliers.
@@ -163,7 +166,7 @@ class Plan:
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
         finite("time_limit", time_limit, PlanError)
-        clock, solution = Clock(time_limit), relative(self.problem, self.solution)
+        clock, solution = Clock(time_limit), in_relative_units(self.problem, self.solution)
         return verdicts(solution, self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
@@ -172,21 +175,19 @@ class Plan:
         free = (name for name in self.problem.states if name not in moves and not name.endswith("_dot"))
         return self.replay().plot(*(names or [*moves, *free]), path=path)
 
-    def _mechanism_fmu(self) -> Any:
-        """Path of the FMU of the mechanism."""
-        return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
-
     @property
     def fmu_starts(self) -> dict[str, Any]:
-        """Start values with which the mechanism's FMU begins where the plan does."""
+        """Start values of the mechanism's FMU at the beginning of the plan, by its parameters."""
         first = self.sigma(0.0)
         controls = np.array([first[name] for name in self.problem.controls])
-        return dict(self.problem.fmu_starts(self.solution.trajectory.knots[:, 0], controls))
+        values = self.problem.start_values(self.solution.trajectory.knots[:, 0], controls)
+        return self.goal.parameters | by_name(self.problem.start_names, np.array(values).ravel().tolist())
 
     @cached_property
     def _knots(self) -> dict[str, Array]:
-        """Knots of each operator at the same times, (4, knots): as many as the interpolation error needs.
+        """Times, σ, σ̇ and σ̈ at the knots of each operator, (4, knots), by moved coordinate.
 
+        The times are the same for all, as many as the interpolation error needs.
         The quintic through both ends of an interval differs from a polynomial of degree six by at most c₆ (h/2)⁶.
         """
         breaks, polynomials = self.solution.trajectory.breaks, self._polynomials
@@ -201,14 +202,14 @@ class Plan:
         kinks[0] = True  # the first knot of an interval is the last of the one before it, unless there is a kink
 
         def column(polynomial: PPoly, k: int) -> Array:
-            """Knots on the k-th interval, (4, knots)."""
+            """Times, σ, σ̇ and σ̈ at the knots of the k-th interval, (4, knots)."""
             local = np.linspace(0, h[k], int(parts[k]) + 1)
             return np.vstack([breaks[k] + local, _value_and_derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
 
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
     def _equidistant_knots(self, step: float) -> dict[str, Array]:
-        """Knots of each operator at equal steps, (4, knots); each acceleration is that which leads to the next value.
+        """The same at equal steps, where each acceleration is the one that leads to the next value.
 
         Extrapolation from a knot meets the next value, even if σ̈ jumps between them.
         """
@@ -221,7 +222,7 @@ class Plan:
         return knots
 
     def _communication_points(self) -> Array:
-        """Times of the knots, and one just before each jump [s]."""
+        """Times of the knots, and instants just before jumps or beside the ends of phases [s]."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
         beside = [jumps - JUMP_LEAD * self.duration]
@@ -266,12 +267,10 @@ class Plan:
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
             goal = _read_goal(document["goal"], component, trust=trust)
-            problem = problem_of(goal)
+            problem = optimal_control_problem(goal)
             solution = _read_solution(problem, document["track"], document["solution"])
-        except PlanError as error:
-            raise PlanError(f"{path} is no saved plan: {error}") from None
         except LiaisonsError as error:
-            raise PlanError(f"{path}: {error}") from None
+            raise PlanError(f"{path} is no saved plan: {error}") from None
         except OSError as error:
             raise PlanError(f"{path}: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
@@ -285,25 +284,27 @@ class Plan:
 
 
 def _tables(knots: Mapping[str, Array]) -> dict[str, Any]:
-    """Operators that perform the motions between knots, by moved coordinates."""
+    """Operators that interpolate between the knots, by moved coordinate."""
     return {name: tabulated(*columns) for name, columns in knots.items()}
 
 
 def _even_step(end: float, longest: float) -> float:
-    """A step [s] that divides the duration, if possible of whole nanoseconds, which some masters count."""
+    """A step [s] that divides the duration and is no longer than the longest, in whole nanoseconds if possible.
+
+    Some masters count nanoseconds.
+    """
     least = math.ceil(end / longest - 1e-6)
     steps = (end / n for n in range(least, 2 * least))
     return next((round(step, 9) for step in steps if abs(step - round(step, 9)) < 1e-12), end / least)
 
 
 def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
-    """Value, first and second derivative at times after the starts of the intervals k, (3, n)."""
-    derivatives = (polynomial.derivative(order).c[::-1, k] for order in range(3))
-    return np.array([sum(c * local**n for n, c in enumerate(powers)) + 0 * local for powers in derivatives])
+    """Value, first and second derivative, (3, n), at times ``local`` after the starts of the intervals k."""
+    return np.array([np.polyval(polynomial.derivative(order).c[:, k], local) for order in range(3)])
 
 
 def _json_value(value: Any) -> Any:
-    """An object of a plan in terms of lists, dictionaries and numbers."""
+    """An object of a plan as a list, a dictionary or a number, for JSON."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -312,7 +313,7 @@ def _json_value(value: Any) -> Any:
 
 
 def _tuples(value: Any) -> Any:
-    """A value of JSON with tuples for its lists."""
+    """The value of JSON with tuples instead of lists."""
     if isinstance(value, list):
         return tuple(map(_tuples, value))
     return {name: _tuples(item) for name, item in value.items()} if isinstance(value, dict) else value
@@ -322,16 +323,10 @@ def _tuples(value: Any) -> Any:
 
 
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
-    """The goal of a file, with another component if one is given."""
-    keys = [field.name for field in fields(Goal)]
-    document = {"phases": []} | document if isinstance(document, dict) else {}
-    if sorted(document) != sorted(keys):
-        raise PlanError(f"goal has to have the keys {', '.join(keys)}")
+    """The goal in a document of JSON, with its component or with another one."""
     if component is None:
         component = document["component"]
-        if not isinstance(component, str):
-            raise PlanError(f"goal.component = {shown(component)}: a name is wanted")
-        if not (trust or is_named(component)):
+        if not (trust or is_named(str(component))):
             raise PlanError(
                 f"goal.component = {shown(component)} is not in the catalogue, and opening a plan runs no code: "
                 "pass component=..., or trust=True if you know the file"
@@ -341,16 +336,16 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    phases = modes_by_phase(arguments["phases"] or None)
+    phases = checked_phases(arguments.get("phases") or None)
     return Goal(
         **arguments | {"component": component, "duration": duration_range(arguments["duration"]), "phases": phases}
     )
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
-    """The solution of a problem, from the two parts of a file.
+    """The solution of a problem from its two parts in a file, which are checked.
 
-    :raises PlanError: if it has other shapes, or numbers that are not finite.
+    :raises PlanError: for other shapes or values.
     """
     arcs = tuple(Arc(arc["intervals"], _tuples(arc["held"])) for arc in trajectory["arcs"])
     for number in (*(arc.intervals for arc in arcs), document["starts"], document["optima"]):
@@ -385,7 +380,10 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
 
 
 def _finite_array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """The value as an array of finite numbers."""
+    """The value as an array of finite numbers of a shape.
+
+    :raises PlanError: if it is none.
+    """
     numbers = np.array(value, dtype=float)
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise PlanError(f"{name} has the shape {numbers.shape}; finite numbers of the shape {shape} are wanted")

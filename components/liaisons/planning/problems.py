@@ -16,7 +16,7 @@ States on which neither rows nor cost depend are left out (where a falling cat i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -46,15 +46,14 @@ class Rows:
         """Indices of the rows with equal bounds."""
         return [int(i) for i in np.flatnonzero(self.low == self.high)]
 
-    def relative(self, *sizes: Array) -> Rows:
-        """The same constraints divided by their sizes, of arguments that are divided by sizes."""
-        function = _in_units_of(self.function, self.sizes, *sizes)
+    def in_relative_units(self, *sizes: Array) -> Rows:
+        """The constraints divided by their sizes, as a function of arguments divided by theirs."""
+        function = _relative_function(self.function, self.sizes, *sizes)
         return replace(self, function=function, low=self.low / self.sizes, high=self.high / self.sizes)
 
     def violation(self, values: Array) -> Array:
-        """Distances of values (rows,) or (rows, points) from their ranges; 0 inside."""
-        low, high = (bound.reshape(-1, *[1] * (values.ndim - 1)) for bound in (self.low, self.high))
-        return np.maximum(low - values, values - high).clip(0)
+        """Distances of values (rows,) or (rows, points) from the ranges of their rows; 0 inside."""
+        return np.abs(values - values.T.clip(self.low, self.high).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +88,8 @@ class Problem:
     duration: tuple[float, float]
     constrained: bool  # the states obey constraints, which straight lines would break
     mass: ca.Function  # Θ of the states
-    fmu_starts: Callable[[Array, Array], dict[str, float]]  # start values of the FMU
+    start_names: tuple[str, ...]  # parameters of the FMU that are start values
+    start_values: ca.Function  # these
     scales: Scales
     modes: Mapping[str, float] = field(default_factory=dict)  # values of the FMU's variables for modes of contacts
     phases: tuple[Problem, ...] = ()  # of contacts; their rates, cost, path and duration take the place of these
@@ -110,12 +110,12 @@ class Problem:
         return [self.states.index(name) for name in names]
 
     def end_values(self, state: Array) -> Array:
-        """Values of the rows at the end, (rows,), for the state there."""
+        """Values of the rows at the end (rows,) from the last state."""
         return np.array(self.end.function(state)).ravel()
 
     @cached_property
-    def relative(self) -> Problem:
-        """The same problem in units of its scales, so that no number in it depends on units."""
+    def relative_problem(self) -> Problem:
+        """The problem in units of its scales, whose numbers do not depend on units."""
         scales, X, U = self.scales, self.scales.states, self.scales.controls
         sizes, shape = by_name(self.states, X), U * scales.time**self.control_order
         low, high = self.duration
@@ -124,15 +124,17 @@ class Problem:
             initial_state=self.initial_state / X,
             terminal_state={name: value / sizes[name] for name, value in self.terminal_state.items()},
             initial_sigma=self.initial_sigma / shape,
-            rates=_in_units_of(self.rates, X / scales.time, X, U),
-            cost=_in_units_of(self.cost, np.array([scales.cost / scales.time]), X, U),
-            path=self.path.relative(X, U),
-            start=self.start.relative(X),
-            end=self.end.relative(X),
+            rates=_relative_function(self.rates, X / scales.time, X, U),
+            cost=_relative_function(self.cost, np.array([scales.cost / scales.time]), X, U),
+            path=self.path.in_relative_units(X, U),
+            start=self.start.in_relative_units(X),
+            end=self.end.in_relative_units(X),
             duration=(low / scales.time, high / scales.time),
-            mass=_in_units_of(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
-            phases=tuple(phase.relative for phase in self.phases),
-            junctions=tuple(rows.relative(X, X, np.ones(rows.function.size1_in(2)), U) for rows in self.junctions),
+            mass=_relative_function(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
+            phases=tuple(phase.relative_problem for phase in self.phases),
+            junctions=tuple(
+                rows.in_relative_units(X, X, np.ones(rows.function.size1_in(2)), U) for rows in self.junctions
+            ),
         )
 
 
@@ -160,7 +162,7 @@ def smooth_problem(goal: Goal) -> Problem:
     order = _control_order(symbols, rows)
     if order == 0:
         rows = replace(rows, start=[row for row in rows.start if row.label not in goal.moves])
-    if order == 2 and symbols.depends(rows.along, symbols.motion[2]):
+    if order == 2 and symbols.depends(rows.relative_cost_and_path, symbols.motion[2]):
         rows = replace(rows, start=[*rows.start, *rows_at_rest(symbols, {row.label for row in rows.start})])
     elif order == 2:
         _refuse_impulses(symbols, rows)
@@ -172,7 +174,7 @@ def smooth_problem(goal: Goal) -> Problem:
 
 
 def problem_in_all_states(symbols: GoalSymbols, rows: GoalRows) -> Problem:
-    """The problem whose controls are σ̈, in all states of the mechanism, σ and σ̇."""
+    """The problem that controls σ̈, with all states of the mechanism, σ and σ̇ as states."""
     states = candidate_states(symbols, 2)
     return _problem_in_states(symbols, rows, 2, _closed_states(symbols, {state.name for state in states}), states)
 
@@ -180,7 +182,10 @@ def problem_in_all_states(symbols: GoalSymbols, rows: GoalRows) -> Problem:
 def _problem_in_states(
     symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[StateCandidate]
 ) -> Problem:
-    """The problem in some of the states; the others keep their initial values."""
+    """The problem with some of the states; the others are constant, with their initial values.
+
+    :param order: of control; ``closed``: names of the states that end as they start.
+    """
     goal, candidates = symbols.goal, candidate_states(symbols, order)
     initial = initial_values(symbols, candidates, rows.start)
     names = tuple(state.name for state in states)
@@ -191,22 +196,22 @@ def _problem_in_states(
     values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
     controls = tuple(motion_names(move)[order] for move in goal.moves)
 
-    def substituted(expression: ca.SX) -> ca.SX:
-        """An expression with numbers for the other states."""
+    def with_constants(expression: ca.SX) -> ca.SX:
+        """An expression with the initial values of the states that are constant."""
         return ca.cse(ca.densify(ca.substitute(ca.SX(expression), fixed, values)))
 
     def function(label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
-        """Function of state and controls, or of other arguments."""
-        return ca.Function(label, arguments or [X, U], [substituted(expression)])
+        """Function of the arguments, of state and controls unless given."""
+        return ca.Function(label, arguments or [X, U], [with_constants(expression)])
 
-    def compiled(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
-        """Rows that a plan can change, as one function."""
-        chosen = [r for r in candidates if _can_change(symbols, r, substituted(r.expression), arguments, label)]
+    def rows_function(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
+        """One function of the rows among the candidates that a plan can change."""
+        chosen = [r for r in candidates if _can_change(symbols, r, with_constants(r.expression), arguments, label)]
         low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
         rows = function(label, stack(row.expression for row in chosen), *arguments)
         return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
 
-    path = compiled("path", rows.path, X, U)
+    path = rows_function("path", rows.path, X, U)
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
         raise PlanError(f"{symbols.name}: minimize = 'time' would take none: bound {', '.join(controls)}, or forces")
     _refuse_ends_of_controls(symbols, rows, U, controls)
@@ -225,13 +230,14 @@ def _problem_in_states(
         rates=function("rates", ca.vertcat(*(state.rate for state in states))),
         cost=function("cost", rows.cost),
         path=path,
-        start=compiled("start", rows.start, X),
-        end=compiled("end", rows.end, X),
+        start=rows_function("start", rows.start, X),
+        end=rows_function("end", rows.end, X),
         closed=tuple(names.index(name) for name in closed if name in names),
         duration=goal.duration,
         constrained=any(getattr(symbols.component, kind, ()) for kind in constraints),
         mass=function("mass", symbols.mass),
-        fmu_starts=_fmu_starts(symbols, function("signals", ca.vertcat(*symbols.signals.values()))),
+        start_names=tuple(symbols.start_parameters.values()),
+        start_values=function("start_values", stack(symbols.signals[name] for name in symbols.start_parameters)),
         scales=Scales(
             states=np.array([state.size for state in states]),
             controls=symbols.motion_sizes[order],
@@ -243,7 +249,7 @@ def _problem_in_states(
 
 
 def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
-    """States of the mechanism, then σ and its rates below the order of control."""
+    """States of the mechanism, then those of σ and its rates that are below the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
     names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
@@ -254,22 +260,22 @@ def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
     ]
 
 
-def rows_at_rest(symbols: GoalSymbols, labels: set[str]) -> list[Row]:
-    """Rows σ̇ = 0 at the start, of the rates for which the goal has no values."""
+def rows_at_rest(symbols: GoalSymbols, specified: set[str]) -> list[Row]:
+    """Rows σ̇ = 0 at the start, but for closed coordinates and for rates that are specified."""
     goal = symbols.goal
     if is_expression(goal.start):
         return []
     rates = [(i, f"{name}_dot") for i, name in enumerate(goal.moves) if name not in goal.closed]
-    return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in labels))
+    return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in specified))
 
 
 def _control_order(symbols: GoalSymbols, rows: GoalRows) -> int:
-    """Number of the derivative of σ that is controlled, by the table of the module."""
+    """Order of the derivative of σ that is controlled, 0 to 2, by the table of the module."""
     value, rate, acceleration = symbols.motion
     declared = set(symbols.goal.moves) - set(symbols.start)  # where σ would start if it could not jump at once
     start = (row for row in rows.start if row.label not in declared)
-    ends = ca.vertcat(*(row.relative for row in (*start, *rows.end)))
-    along = ca.vertcat(symbols.relative_rates, rows.along)
+    ends = ca.vertcat(*(row.relative_expression for row in (*start, *rows.end)))
+    along = ca.vertcat(symbols.relative_rates, rows.relative_cost_and_path)
     curved = symbols.depends(symbols.scaled_jacobian(symbols.relative_rates, rate), rate)
     if curved or symbols.depends(ca.vertcat(ends, along), acceleration) or symbols.depends(ends, rate):
         return 2
@@ -295,7 +301,7 @@ def initial_values(symbols: GoalSymbols, states: list[StateCandidate], start: li
 
 
 def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[Row]) -> dict[str, float]:
-    """Values of states at the end by name; quaternions have the sign that is nearer to the start."""
+    """Values of the states at the end that the goal gives, by name; quaternions of the sign nearer to the start."""
     rows = (row for row in end if row.label in initial)
     terminal = {row.label: float(np.clip(initial[row.label], row.low, row.high)) for row in rows}
     end_values = symbols.goal.end if isinstance(symbols.goal.end, Mapping) else {}
@@ -308,7 +314,7 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
 
 
 def _conserved_states(symbols: GoalSymbols, states: list[StateCandidate], start: list[Row]) -> set[str]:
-    """Names of the states with a number at the start whose rate vanishes."""
+    """Names of the states that keep a number from the start: their rates vanish."""
     started = {row.label for row in start if row.low == row.high}
     relative = {state.name: state.rate * (symbols.time / state.size) for state in states if state.name in started}
     return {name for name, rate in relative.items() if symbols.vanishes(rate)}
@@ -318,7 +324,9 @@ def _needed_states(symbols: GoalSymbols, states: list[StateCandidate], rows: Goa
     """Names of the states on which constraints and cost depend, directly or through rates."""
     column = stack(state.symbol for state in states)
     uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)
-    acting = symbols.dependencies(ca.vertcat(rows.along, *(row.relative for row in rows.end)), column)
+    acting = symbols.dependencies(
+        ca.vertcat(rows.relative_cost_and_path, *(row.relative_expression for row in rows.end)), column
+    )
     first = np.any([*acting, [state.name in closed for state in states]], axis=0)
     needed = {states[i].name for i in closure(uses, first)}
     if not needed:
@@ -327,9 +335,9 @@ def _needed_states(symbols: GoalSymbols, states: list[StateCandidate], rows: Goa
 
 
 def _can_change(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Iterable[ca.SX], label: str) -> bool:
-    """Whether a row depends on what a plan chooses.
+    """Whether a row, as an expression of arguments, depends on them: else it is constant.
 
-    :raises PlanError: if a row at the end is constant, and outside of its range.
+    :raises PlanError: if a constant row at the end lies outside of its range.
     """
     if ca.depends_on(expression, ca.vertcat(*arguments)):
         return True
@@ -355,10 +363,10 @@ def _refuse_ends_out_of_bounds(symbols: GoalSymbols, rows: GoalRows) -> None:
 
 
 def _refuse_ends_of_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, names: tuple[str, ...]) -> None:
-    """Raise an error for rows at start and end that depend on controls, which may take any value at an instant."""
+    """Raise an error if rows at start or end depend on controls, which may take any value at an instant."""
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
-            if symbols.depends(row.relative, controls):
+            if symbols.depends(row.relative_expression, controls):
                 raise PlanError(
                     f"{symbols.name}: {label}: {row.label} depends on {', '.join(names)}, which may be anything at a "
                     f"single instant: ask for states, or set bounds on {row.label}"
@@ -366,7 +374,10 @@ def _refuse_ends_of_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.
 
 
 def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
-    """Raise an error for values of rates that may jump: shorter impulses cost less, so that there is no optimum."""
+    """Raise an error if start or end has values of rates that may jump: there is no optimum.
+
+    Shorter impulses cost less.
+    """
     moves = symbols.goal.moves
     rates = [f"{name}_dot" for name in moves]
     labels = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
@@ -381,7 +392,7 @@ def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
 
 
 def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
-    """Raise an error for an end at rest where a momentum that is not 0 is conserved."""
+    """Raise an error for an end at rest if a momentum other than 0 is conserved."""
     still = {row.label for row in end if row.low == row.high == 0}
     starts = symbols.start_parameters
     axes = {rate for orientation in getattr(symbols.component, "orientations", ()) for rate in orientation.rates}
@@ -398,19 +409,8 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
             )
 
 
-def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, Array], dict[str, float]]:
-    """Function (state, controls) -> start values of the FMU."""
-    values = {name: value for name, value in symbols.goal.values.items() if name != "n"}
-
-    def starts(X: Array, U: Array) -> dict[str, float]:
-        numbers = by_name(symbols.signals, np.array(signals(X, U)).ravel())
-        return values | {parameter: float(numbers[name]) for name, parameter in symbols.start_parameters.items()}
-
-    return starts
-
-
-def _in_units_of(function: ca.Function, value: Array, *sizes: Array) -> ca.Function:
-    """A function divided by sizes, of arguments that are divided by sizes."""
+def _relative_function(function: ca.Function, value_size: Array, *sizes: Array) -> ca.Function:
+    """The function of arguments in units of their sizes, whose value is in units of its size."""
     arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
     result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))
-    return ca.Function(function.name(), arguments, [ca.densify(result / ca.DM(value))])
+    return ca.Function(function.name(), arguments, [ca.densify(result / ca.DM(value_size))])

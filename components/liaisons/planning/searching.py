@@ -38,54 +38,45 @@ from liaisons.planning.verifying import (
     hamiltonian_variation,
 )
 
-
-@dataclass(frozen=True)
-class Limits:
-    """Numbers of the search, with their reasons; costs and deviations are relative to their sizes.
-
-    With them every plan of ``benchmarks/plans.py`` has the least cost of its closed form to 1e-9, in 4 s at most.
-    """
-
-    coarse_intervals: int = 10
-    """Intervals of the mesh on which starts are tried: of order 10 it resolves smooth motions, and blurs switches."""
-    most_starts: int = 8
-    """Most starts, unless ``tries`` is given."""
-    agreeing_starts: int = 2
-    """Number of starts with one optimum that end the search; one more if the duration is free, two if σ is closed, for
-    there optima compete."""
-    similar_cost: float = 1e-3
-    """Costs on coarse meshes that differ by less may belong to one optimum: blurred switches change them."""
-    higher_cost: float = 5e-2
-    """Solutions whose cost is higher by more on a coarse mesh are not refined: fifty times what blurs can change."""
-    same_cost: float = 1e-6
-    """Costs on one mesh that differ by less belong to one optimum: IPOPT ends at 1e-10."""
-    refinement_change: float = 4.0
-    """Refinement of a solution changes its cost by at most this many times as much as that of the best one,"""
-    least_refinement_change: float = 1e-4
-    """and by at most this part of the cost, if that is more."""
-    at_bound: float = 1e-4
-    """Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
-    most_intervals: int = 100
-    """Most intervals of a refined mesh, ten times the coarse one: of order 10 its error is 1e-10 of that."""
-    extremal_variation: float = 1e-3
-    """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
-    singular_mass: float = 1e-3
-    """An effective mass below this part of the greatest vanishes at a point nearby, which no mesh resolves."""
-    feasible_residual: float = 1e-6
-    """Residual of the equations, and miss of the end, below which an unfinished iterate is a motion."""
-    reached_miss: float = 1e-6
-    """Miss of the end, in units of sizes, below which IPOPT can reach it from the nearest end."""
-    blurred_miss: float = 3e-2
-    """Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
-    integration_difference: float = 1e-5
-    """Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
-    rough_integration_difference: float = 0.1
-    """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
-    corrections: int = 6
-    """Most insertions and removals of arcs: each takes as long as a start."""
-
-
-LIMITS = Limits()
+# Numbers of the search; costs and deviations are relative to their sizes.  With them every plan of
+# ``benchmarks/plans.py`` has the least cost of its closed form to 1e-9, in 4 s at most.
+COARSE_INTERVALS = 10
+"""Intervals of the mesh on which starts are tried: of order 10 it resolves smooth motions, and blurs switches."""
+_MOST_STARTS = 8
+"""Most starts, unless ``tries`` is given."""
+_AGREEING_STARTS = 2
+"""Number of starts with one optimum that end the search; one more if the duration is free, two if σ is closed, for
+there optima compete."""
+_SIMILAR_COST = 1e-3
+"""Costs on coarse meshes that differ by less may belong to one optimum: blurred switches change them."""
+_HIGHER_COST = 5e-2
+"""Solutions whose cost is higher by more on a coarse mesh are not refined: fifty times what blurs can change."""
+_SAME_COST = 1e-6
+"""Costs on one mesh that differ by less belong to one optimum: IPOPT ends at 1e-10."""
+_REFINEMENT_CHANGE = 4.0
+"""Refinement of a solution changes its cost by at most this many times as much as that of the best one,"""
+_LEAST_REFINEMENT_CHANGE = 1e-4
+"""and by at most this part of the cost, if that is more."""
+_AT_BOUND = 1e-4
+"""Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
+_MOST_INTERVALS = 100
+"""Most intervals of a refined mesh, ten times the coarse one: of order 10 its error is 1e-10 of that."""
+_EXTREMAL_VARIATION = 1e-3
+"""Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
+_SINGULAR_MASS = 1e-3
+"""An effective mass below this part of the greatest vanishes at a point nearby, which no mesh resolves."""
+_FEASIBLE_RESIDUAL = 1e-6
+"""Residual of the equations, and miss of the end, below which an unfinished iterate is a motion."""
+_REACHED_MISS = 1e-6
+"""Miss of the end, in units of sizes, below which IPOPT can reach it from the nearest end."""
+_BLURRED_MISS = 3e-2
+"""Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
+_INTEGRATION_DIFFERENCE = 1e-5
+"""Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
+_ROUGH_INTEGRATION_DIFFERENCE = 0.1
+"""The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
+_CORRECTIONS = 6
+"""Most insertions and removals of arcs: each takes as long as a start."""
 
 
 @dataclass(frozen=True)
@@ -120,16 +111,16 @@ def search(
     best: Solution | None = None
     count, stopped = 0, False
     low, high = problem.duration
-    enough = LIMITS.agreeing_starts + (2 if problem.is_loop else int(low < high))
-    for trajectory in islice(starts, settings.tries or LIMITS.most_starts):
+    enough = _AGREEING_STARTS + (2 if problem.is_loop else int(low < high))
+    for trajectory in islice(starts, settings.tries or _MOST_STARTS):
         candidate = _solve_start(problem, trajectory, settings.intervals, clock)
         if candidate.succeeded:
             rough += [] if any(_is_same_optimum(candidate, one) for one in rough) else [candidate]
-            if all(_difference(candidate.cost, cost) > LIMITS.similar_cost for cost in optima):
+            if all(_difference(candidate.cost, cost) > _SIMILAR_COST for cost in optima):
                 optima.append(candidate.cost)
         elif candidate.finished:
             failures.append(candidate)
-        elif not rough and max(candidate.residual, end_miss(candidate)) < LIMITS.feasible_residual:
+        elif not rough and max(candidate.residual, end_miss(candidate)) < _FEASIBLE_RESIDUAL:
             best = candidate if _is_accepted(candidate, settings) else best
         count += candidate.finished
         agreed, stopped = len(optima) == 1 and not failures, not candidate.finished
@@ -149,7 +140,7 @@ def search(
 def _refine_all(
     rough: list[Solution], settings: SearchSettings, clock: Clock, *, stopped: bool
 ) -> tuple[Solution | None, list[Solution]]:
-    """The best refined solution, and the solutions that the differential equations do not have.
+    """The best refined solution, None if there is none, and those that were not accepted.
 
     Whether one is refined depends on earlier starts alone, so that more starts only add candidates.  When the time is
     over, the unrefined ones compete, too.
@@ -163,7 +154,7 @@ def _refine_all(
             rest = [*([best] if best else []), *(replace(other, finished=False) for other in rough[k:])]
             accepted = (other for other in rest if _is_accepted(other, settings))
             return min(accepted, key=_sort_key, default=None), rejected
-        if best is not None and one.cost > best.cost + LIMITS.higher_cost * abs(best.cost):
+        if best is not None and one.cost > best.cost + _HIGHER_COST * abs(best.cost):
             continue
         first = _on_first_mesh(one, settings, clock)
         if any(_is_same_optimum(first, other) for other in on_first_meshes) or (
@@ -176,9 +167,7 @@ def _refine_all(
             rejected.append(candidate)
         elif best is None or _sort_key(candidate) < _sort_key(best):
             best = candidate
-            margin = max(
-                LIMITS.refinement_change * abs(best.cost - first.cost), LIMITS.least_refinement_change * abs(best.cost)
-            )
+            margin = max(_REFINEMENT_CHANGE * abs(best.cost - first.cost), _LEAST_REFINEMENT_CHANGE * abs(best.cost))
     return best, rejected
 
 
@@ -188,35 +177,36 @@ def _difference(cost: float, other: float) -> float:
 
 
 def _is_same_optimum(one: Solution, other: Solution) -> bool:
-    """Whether two solutions on one mesh have one optimum."""
-    return (
-        len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= LIMITS.same_cost
-    )
+    """Whether two solutions, on meshes of the same size, belong to one optimum: arcs and costs agree."""
+    return len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= _SAME_COST
 
 
 def _sort_key(solution: Solution) -> tuple[bool, float]:
-    """Sort key of solutions: extremals first, then the lower cost, for coarse meshes undercut what is possible."""
+    """Key that sorts extremals before other solutions, and each by cost.
+
+    Coarse meshes undercut what is possible.
+    """
     variation = hamiltonian_variation(solution)
-    return bool(variation > LIMITS.extremal_variation * hamiltonian_scale(solution)), solution.cost
+    return bool(variation > _EXTREMAL_VARIATION * hamiltonian_scale(solution)), solution.cost
 
 
 def _is_accepted(solution: Solution, settings: SearchSettings) -> bool:
-    """Whether the differential equations lead from knot to knot; true without refinement."""
-    tolerance = LIMITS.integration_difference if solution.finished else LIMITS.rough_integration_difference
+    """Whether integration of the equations confirms a solution; true for searches without refinement."""
+    tolerance = _INTEGRATION_DIFFERENCE if solution.finished else _ROUGH_INTEGRATION_DIFFERENCE
     return settings.accuracy is None or _satisfies_equations(solution, tolerance)
 
 
 def _solve_start(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
-    """The solution from a start; if IPOPT has none, its iterate nearest to the end."""
+    """The solution from a start, if need be on a finer mesh; without one, the iterate nearest to the end."""
     candidate = _solve_by_nearest_end(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
-    if candidate.ends_search or coarse >= intervals or end_miss(candidate) > LIMITS.blurred_miss:
+    if candidate.ends_search or coarse >= intervals or end_miss(candidate) > _BLURRED_MISS:
         return candidate
-    return _solve_by_nearest_end(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
+    return _solve_by_nearest_end(problem, trajectory.interpolated((Arc(intervals),), trajectory.durations), clock)
 
 
 def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
-    """The solution from a start, by way of the nearest end that IPOPT reaches if there is none directly."""
+    """The solution from a start, directly or by way of the nearest end that IPOPT reaches."""
     candidate = solve(problem, trajectory, clock)
     if candidate.ends_search:
         return candidate
@@ -225,19 +215,19 @@ def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, cl
     rules = [problem] if low == high else [replace(problem, duration=(T, T)), problem]
     nearest = candidate
     for rule in rules:
-        nearest = solve(rule, trajectory, clock, soft=True)
+        nearest = solve(rule, trajectory, clock, to_nearest_end=True)
         trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
-    if end_miss(nearest) < LIMITS.reached_miss:
+    if end_miss(nearest) < _REACHED_MISS:
         candidate = solve(problem, trajectory, clock)
         if candidate.ends_search:
             return candidate
     if problem.phases:
         return replace(nearest, status=candidate.status)
-    arcs, durations = _arcs(_active_patterns(nearest), nearest.trajectory)
-    if low < high and len(arcs) > 1 and end_miss(nearest) < LIMITS.blurred_miss:
-        candidate = solve(problem, trajectory.on(arcs, durations), clock)
+    arcs, durations = _arcs(_active_bounds(nearest), nearest.trajectory)
+    if low < high and len(arcs) > 1 and end_miss(nearest) < _BLURRED_MISS:
+        candidate = solve(problem, trajectory.interpolated(arcs, durations), clock)
         if candidate.ends_search:
             return candidate
     return replace(nearest, status=candidate.status)
@@ -250,12 +240,12 @@ def end_miss(solution: Solution) -> float:
 
 
 def _on_first_mesh(rough: Solution, settings: SearchSettings, clock: Clock) -> Solution:
-    """The same optimum on the first mesh of the settings; the coarse solution where that is not solved."""
+    """The solution on the first mesh of the settings; the coarse one if IPOPT has none there."""
     problem, trajectory = rough.problem, rough.trajectory
     if len(trajectory.arcs) == 1 and trajectory.arcs[0].intervals < settings.intervals:
-        finer = trajectory.on((Arc(settings.intervals),), trajectory.durations)
+        finer = trajectory.interpolated((Arc(settings.intervals),), trajectory.durations)
         for near in (True, False):
-            candidate = solve(problem, finer, clock, near=near)
+            candidate = solve(problem, finer, clock, is_near=near)
             if not candidate.finished:
                 return replace(rough, finished=False)
             if candidate.succeeded:
@@ -267,7 +257,7 @@ def _on_first_mesh(rough: Solution, settings: SearchSettings, clock: Clock) -> S
 
 
 def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
-    """The same motion with switching arcs, on meshes twice as fine each, until its Hamiltonian is constant."""
+    """The solution with switching arcs, on finer and finer meshes until its Hamiltonian is constant."""
     problem = solution.problem
     if not problem.phases:
         solution = _insert_arcs(solution, clock)
@@ -276,9 +266,9 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
         is_extremal = hamiltonian_variation(solution) <= tolerance
-        if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _satisfies_equations(solution)):
+        if interval_count(arcs) > _MOST_INTERVALS or (is_extremal and _satisfies_equations(solution)):
             break
-        finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
+        finer = solve(problem, trajectory.interpolated(arcs, trajectory.durations), clock, is_near=True)
         if not finer.succeeded:
             return replace(solution, finished=finer.finished)
         if problem.phases and hamiltonian_variation(finer) > hamiltonian_variation(solution):
@@ -288,20 +278,20 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
 
 
 def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
-    """The same motion with an arc between any two switches of its controls, whose durations are unknowns.
+    """The solution with an arc between any two switches of its controls, whose durations are unknowns.
 
-    Vanishing arcs are removed, and arcs are inserted where the Hamiltonian is less at another bound.  Where no such
+    Vanishing arcs are removed, and arcs are inserted where the Hamiltonian is less at another bound.  If no such
     solution is better, the given one is returned.
     """
     best, problem, trajectory = solution, solution.problem, solution.trajectory
-    patterns = (_optimal_patterns if len(trajectory.arcs) > 1 else _active_patterns)(solution)
+    patterns = (_optimal_bounds if len(trajectory.arcs) > 1 else _active_bounds)(solution)
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
-    for _ in range(LIMITS.corrections):
-        if _is_determined(problem, arcs) or not _is_passable(problem, arcs):
+    for _ in range(_CORRECTIONS):
+        if _has_no_choice(problem, arcs) or not _has_continuous_bounds(problem, arcs):
             break
-        candidate = solve(problem, trajectory.on(arcs, durations), clock, near=True)
+        candidate = solve(problem, trajectory.interpolated(arcs, durations), clock, is_near=True)
         if not candidate.finished:
             return replace(best, finished=False)
         trajectory, lengths = candidate.trajectory, candidate.trajectory.durations
@@ -315,10 +305,10 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
             break
         undercut = 0.0
         if len(best.trajectory.arcs) == 1:
-            undercut = LIMITS.higher_cost if _sort_key(candidate) < _sort_key(best) else LIMITS.similar_cost
+            undercut = _HIGHER_COST if _sort_key(candidate) < _sort_key(best) else _SIMILAR_COST
         if candidate.cost <= best.cost + undercut * max(abs(best.cost), MULTIPLIER_ERROR):
             best = candidate
-        patterns = _optimal_patterns(candidate)
+        patterns = _optimal_bounds(candidate)
         if patterns is None:
             break
         arcs, durations = _arcs(patterns, trajectory)
@@ -332,8 +322,8 @@ def _join_arcs(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]
     return arcs, np.array([sum(T for _, T in run) for run in runs])
 
 
-def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
-    """Whether arcs leave nothing to optimise: none has an active bound, or bounds determine all controls."""
+def _has_no_choice(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
+    """Whether inserted arcs are of no use: there is one without active bounds, or bounds leave nothing to optimise."""
     if len(arcs) == 1 and not arcs[0].active_bounds:
         return True
     unknown = len(arcs) - (problem.duration[0] == problem.duration[1])
@@ -342,16 +332,16 @@ def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     return all(len(arc.active_bounds) == len(problem.controls) for arc in arcs) and unknown + free < required
 
 
-def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
-    """Whether no held coordinate would have to jump to another bound between two arcs."""
+def _has_continuous_bounds(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
+    """Whether no coordinate would have to jump from bound to bound between two arcs that hold it."""
     moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.control_order > 0}
     return not any(
         i in moved and dict(b.active_bounds).get(i, x) != x for a, b in pairwise(arcs) for i, x in a.active_bounds
     )
 
 
-def _optimal_patterns(solution: Solution) -> list[_ActiveBounds] | None:
-    """Active bounds at each point by least Hamiltonian; None if they are those of the solution."""
+def _optimal_bounds(solution: Solution) -> list[_ActiveBounds] | None:
+    """Active bounds at each point at which the Hamiltonian is least; None if they are those of the solution."""
     problem, trajectory, path = solution.problem, solution.trajectory, solution.problem.path
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
@@ -374,8 +364,11 @@ _ActiveBounds = tuple[tuple[int, float], ...]
 """Rows of the path with the bounds at which they are held."""
 
 
-def _active_patterns(solution: Solution) -> list[_ActiveBounds]:
-    """Active bounds at each point, of rows that controls can hold; short runs take those of their neighbours."""
+def _active_bounds(solution: Solution) -> list[_ActiveBounds]:
+    """Active bounds at each point, of rows that controls can hold there.
+
+    Runs of few points take those of their neighbours.
+    """
     problem, path = solution.problem, solution.problem.path
     reached = [function.jac_sparsity(0, 1).row() for function in (path.function, path_rates(problem))]
     by_controls = {
@@ -384,27 +377,27 @@ def _active_patterns(solution: Solution) -> list[_ActiveBounds]:
     holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
     span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
 
-    def held(column: Array) -> _ActiveBounds:
-        """Active bounds at one point."""
+    def bounds_at_point(column: Array) -> _ActiveBounds:
+        """Active bounds at a point with these values of the rows."""
         ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
-        rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= LIMITS.at_bound * span[i]]
+        rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _AT_BOUND * span[i]]
         return tuple(rows[: len(problem.controls)])
 
-    patterns = [held(column) for column in solution.trajectory.evaluate(path.function).T]
-    lengths = np.array([length for _, length in _consecutive(patterns)])
+    patterns = [bounds_at_point(column) for column in solution.trajectory.evaluate(path.function).T]
+    lengths = np.array([length for _, length in _equal_runs(patterns)])
     lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
     nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
     return [patterns[lasting[i]] for i in nearest]
 
 
-def _consecutive(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
-    """Consecutive equal patterns: each with its number of points."""
+def _equal_runs(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
+    """Runs of equal patterns, each with its number of points."""
     return [(pattern, len(list(run))) for pattern, run in groupby(patterns)]
 
 
 def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs with constant active bounds, and their durations."""
-    runs = _consecutive(patterns)
+    runs = _equal_runs(patterns)
     cuts = np.cumsum([length for _, length in runs])[:-1]
     instants, total = trajectory.instants, trajectory.breaks[-1]
     edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])
@@ -417,7 +410,7 @@ def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tu
 
 
 def refuse_singularity(solution: Solution) -> None:
-    """Raise an error for a motion through a singularity of the effective mass, where a coordinate moves at no cost.
+    """Raise an error for a motion through a singularity of the effective mass: a coordinate moves at no cost there.
 
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
@@ -428,7 +421,7 @@ def refuse_singularity(solution: Solution) -> None:
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
     worst = int(np.argmin(sizes[:, 0]))
-    if sizes[worst, 0] > LIMITS.singular_mass * sizes.max():
+    if sizes[worst, 0] > _SINGULAR_MASS * sizes.max():
         return
     name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
     raise PlanError(
@@ -438,16 +431,12 @@ def refuse_singularity(solution: Solution) -> None:
 
 
 def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Solution]) -> str:
-    """Text of the error: the nearest end that was reached, and the active bounds."""
+    """Text of the error for a search without solution: the nearest end that was reached, and active bounds."""
     if not failures and not rejected:
         return f"{problem.name}: no motion was found in time; raise time_limit"
     end, X = problem.end, problem.end.sizes
     if not failures:
-        nearest = rejected[0]
-        reached = problem.end_values(_integrated_knots(nearest, from_start=True)[:, -1])
-        off = end.violation(reached)
-        missed = [label for label, x in zip(end.labels, off, strict=True) if x > LIMITS.integration_difference]
-        names = ", ".join(missed or end.labels) or "what has to close"
+        names = ", ".join(end.labels) or "what has to close"
         return (
             f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
             f"and what meshes say of {names} the equations do not follow"
@@ -455,7 +444,7 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     nearest = min(failures, key=end_miss)
     reached = problem.end_values(nearest.trajectory.knots[:, -1])
     required = np.clip(reached, end.low, end.high) * X
-    missed_rows = np.flatnonzero(end.violation(reached) > LIMITS.reached_miss)
+    missed_rows = np.flatnonzero(end.violation(reached) > _REACHED_MISS)
     wrong = [f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {required[i]:.6g}" for i in missed_rows]
     if not wrong:
         return (
@@ -470,13 +459,13 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
 
 
 def _active_texts(solution: Solution) -> Iterator[str]:
-    """Texts "name = bound" of the active bounds."""
+    """Texts "name = bound" of the bounds that are active somewhere."""
     for phase, inside in phase_points(solution.problem, solution.trajectory.arcs):
         path = phase.path
         values = solution.trajectory.evaluate(path.function, inside)
         ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
         for i, name, bound in ends:
-            is_active = np.abs(values[i] - bound) <= LIMITS.at_bound * max(1.0, abs(bound))
+            is_active = np.abs(values[i] - bound) <= _AT_BOUND * max(1.0, abs(bound))
             if np.isfinite(bound) and np.any(is_active):
                 yield f"{name} = {bound * path.sizes[i]:g}"
 
@@ -484,24 +473,18 @@ def _active_texts(solution: Solution) -> Iterator[str]:
 # ---- integration of the equations ----------------------------------------------------------------------------------
 
 
-def _satisfies_equations(solution: Solution, tolerance: float = LIMITS.integration_difference) -> bool:
-    """Whether the integrated equations agree with all knots of a solution; those of phases are left to the replay."""
+def _satisfies_equations(solution: Solution, tolerance: float = _INTEGRATION_DIFFERENCE) -> bool:
+    """Whether integration from knot to knot agrees with the knots of a solution; true with phases.
+
+    These are left to the replay.
+    """
     if solution.problem.phases:
         return True
-    knots = solution.trajectory.knots[:, 1:]
-    return bool(np.max(np.abs(_integrated_knots(solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance)
-
-
-def _integrated_knots(solution: Solution, *, from_start: bool = False) -> Array:
-    """Integrated states at the ends of the intervals, each from the knot before, or all from the first one."""
     trajectory = solution.trajectory
-    m, step, lengths = (
-        trajectory.knots.shape[1] - 1,
-        _interval_integrator(solution.problem),
-        np.diff(trajectory.breaks)[None],
-    )
-    columns, first = (step.mapaccum(m), 1) if from_start else (step.map(m), m)
-    return np.array(columns(trajectory.knots[:, :first], trajectory.controls, lengths))
+    before, after = trajectory.knots[:, :-1], trajectory.knots[:, 1:]
+    integrate = _interval_integrator(solution.problem).map(before.shape[1])
+    integrated = np.array(integrate(before, trajectory.controls, np.diff(trajectory.breaks)[None]))
+    return bool(np.max(np.abs(integrated - after) / np.maximum(1.0, np.abs(after))) < tolerance)
 
 
 @lru_cache(maxsize=2)

@@ -25,7 +25,6 @@ from liaisons.planning.goals import (
     Goal,
     Readings,
     by_name,
-    chain_size,
     finite_number,
     is_expression,
     motion_names,
@@ -66,11 +65,11 @@ class GoalSymbols:
 
     @property
     def arguments(self) -> list[ca.SX]:
-        """Symbols of the state, of σ, σ̇ and σ̈."""
+        """Symbols of the state, σ, σ̇ and σ̈, four columns."""
         return [self.state, *self.motion]
 
     @property
-    def moved(self) -> dict[str, ca.SX]:
+    def motion_symbols(self) -> dict[str, ca.SX]:
         """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
         names = [(i, motion_names(move)) for i, move in enumerate(self.goal.moves)]
         return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
@@ -79,7 +78,13 @@ class GoalSymbols:
     def model_arguments(self) -> tuple[Any, ...]:
         """Arguments of the model's functions: time, states, inputs, parameters and memory."""
         y = ca.vertcat(self.state, 0, 0)
-        return 0, y, stack((self.inputs | self.moved).values()), stack(self.parameters.values()), ca.DM(self.memory)
+        return (
+            0,
+            y,
+            stack((self.inputs | self.motion_symbols).values()),
+            stack(self.parameters.values()),
+            ca.DM(self.memory),
+        )
 
     @cached_property
     def rates(self) -> ca.SX:
@@ -90,7 +95,7 @@ class GoalSymbols:
     @cached_property
     def initial_state(self) -> ca.SX:
         """The state at the start, as an expression of symbols for its start values."""
-        inputs = self.inputs | {move: self.moved[move] for move in self.goal.moves}
+        inputs = self.inputs | {move: self.motion_symbols[move] for move in self.goal.moves}
         for move in self.goal.moves:
             _, rate, acceleration = motion_names(move)
             inputs |= {rate: finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
@@ -101,27 +106,30 @@ class GoalSymbols:
 
     @cached_property
     def signals(self) -> Readings:
-        """All variables of the FMU by name, as expressions."""
+        """Expressions of all variables of the FMU, by name."""
         z = ca.vertsplit(self.model.outputs_function(*self.model_arguments))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= by_name(self.state_names, ca.vertsplit(self.state))
-        values = self.inputs | self.moved | self.parameters
+        values = self.inputs | self.motion_symbols | self.parameters
         return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
 
     @property
     def state_sizes(self) -> Array:
-        """Sizes of the state."""
+        """Typical magnitudes of the states."""
         return np.array([self.sizes.get(name, 1.0) for name in self.state_names])
 
     @property
     def motion_sizes(self) -> list[Array]:
-        """Sizes of σ, σ̇ and σ̈."""
+        """Typical magnitudes of σ, σ̇ and σ̈."""
         sizes = np.array([self.sizes[name] for name in self.goal.moves])
         return [sizes / self.time**n for n in range(3)]
 
     @property
     def initial_sigma_sizes(self) -> Array:
-        """Absolute values of σ at the start, so that nearby states keep the signs; where it is 0 its size."""
+        """Absolute values of σ at the start; sizes where it is 0.
+
+        Nearby states keep the signs of σ.
+        """
         return np.where(self.initial_sigma == 0, self.motion_sizes[0], np.abs(self.initial_sigma))
 
     @property
@@ -145,9 +153,9 @@ class GoalSymbols:
         return self.evaluate(self.initial_state, 0.0).ravel()
 
     def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Array:
-        """Values of an expression at the start, or at random states around it.
+        """Values of an expression at a random state near the start.
 
-        :param spread: radius of the neighbourhood, in units of sizes.
+        :param spread: radius of the neighbourhood, in units of sizes; 0: at the start.
         """
         rng, still, starts = np.random.default_rng(seed), np.zeros(len(self.goal.moves)), self.start_parameters
         state = np.array([self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names])  # no momenta
@@ -161,13 +169,15 @@ class GoalSymbols:
         return np.atleast_2d(np.array(function(*points)))
 
     def scaled_jacobian(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
-        """Derivatives of an expression by symbols that are divided by their sizes."""
+        """Derivatives of an expression by symbols in units of their sizes."""
         names, chosen = ([x.name() for x in ca.vertsplit(ca.vertcat(*xs))] for xs in (self.arguments, [symbols]))
         sizes = by_name(names, np.concatenate([self.state_sizes, *self.motion_sizes]))
         return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[name] for name in chosen]))
 
     def dependencies(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
-        """Sparsity of the Jacobian (rows, symbols) in numbers at nearby states, for terms may cancel.
+        """Whether rows of an expression depend on symbols, (rows, symbols), by numbers at nearby states.
+
+        Terms may cancel, so that the structure of the expression is not enough.
 
         :param expression: in units of its size.
         """
@@ -190,7 +200,7 @@ class GoalSymbols:
         return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < ROUNDING
 
     def magnitude(self, expression: ca.SX) -> float:
-        """Size of a scalar: median norm of its value and its gradient at nearby states."""
+        """Typical magnitude of a scalar: median norm of its value and gradient at nearby states; else 1."""
         scaled_jacobian = self.scaled_jacobian(expression, ca.vertcat(*self.arguments))
         column = ca.densify(ca.horzcat(expression, scaled_jacobian))
         values = np.array([np.linalg.norm(self.evaluate(column, 0.5, seed)) for seed in range(1, 10)])
@@ -199,7 +209,7 @@ class GoalSymbols:
 
 
 def goal_symbols(goal: Goal) -> GoalSymbols:
-    """Symbols of the mechanism of a goal, with their values at the start.
+    """Symbols of a goal's mechanism, with their values at the start.
 
     :raises PlanError: for an unknown name, with the nearest one, or a value that is not allowed.
     """
@@ -210,7 +220,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     if not goal.phases:
         remedy = "say with phases=[...] in which order plan takes them; hold and observe the mechanism without them"
         refuse_contacts(declared, "what is planned or held", remedy, PlanError)
-    flat = model(declared, **chain_size(goal.component, goal.values)).flat()
+    flat = model(declared, **goal.structure).flat()
     _refuse_moves(goal, name, flat)
     parameters, inputs = _parameters_and_inputs(goal, declared, flat)
     own = {name for parameter in declared.parameters for name in parameter.names}
@@ -256,7 +266,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
 
 
 def range_middle(value: Any, default: float) -> float:
-    """The middle of a range, as far as it is finite; a number itself; the default for None."""
+    """The middle of the finite ends of a range; a number itself; the default for None, or without finite ends."""
     if value is None:
         return default
     if isinstance(value, (tuple, list)):
@@ -286,9 +296,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
     moved = {name for move in goal.moves for name in motion_names(move)}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
-    for name, value in goal.values.items():
-        if name in chain_size(declared, goal.values):
-            continue
+    for name, value in goal.parameters.items():
         if name in moved:
             raise PlanError(f"{owner}: {name} is moved and cannot have the fixed value {shown(value)}")
         if name not in variables:
@@ -301,7 +309,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
 
 
 def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
-    """Sizes of the base units at which the numbers of a goal are nearest to 1, by least squares of logarithms.
+    """Sizes of the base units in which the numbers of a goal are nearest to 1, by least squares of logarithms.
 
     Divided by them, the quantities of a goal are the same in all units, and so is the plan.  Zero, infinity and pure
     numbers do not count.

@@ -65,7 +65,7 @@ def interval_count(arcs: Sequence[Arc]) -> int:
 
 
 def phase_points(problem: Problem, arcs: Sequence[Arc]) -> list[tuple[Problem, slice]]:
-    """Phases, each with its collocation points; without phases the problem with all of them."""
+    """The problem of each phase with its collocation points; without phases the whole problem with all points."""
     ends = np.cumsum([0, *(arc.intervals * DEGREE for arc in arcs)]).tolist()
     if not problem.phases:
         return [(problem, slice(0, ends[-1]))]
@@ -84,7 +84,7 @@ class CollocatedTrajectory:
 
     @property
     def breaks(self) -> Array:
-        """Ends of the intervals [s], (m + 1,)."""
+        """Instants [s] of the ends of the intervals, (m + 1,)."""
         ends = np.append(0.0, np.cumsum(self.durations))
         arcs = zip(ends[:-1], self.arcs, self.durations, strict=True)
         inside = [start + float(T) * np.arange(1, arc.intervals) / arc.intervals for start, arc, T in arcs]
@@ -92,7 +92,7 @@ class CollocatedTrajectory:
 
     @property
     def instants(self) -> Array:
-        """Collocation points [s], (m · DEGREE,)."""
+        """Instants [s] of the collocation points, (m · DEGREE,)."""
         breaks = self.breaks
         return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
 
@@ -115,13 +115,13 @@ class CollocatedTrajectory:
         cost, rates = self.cost_and_rates(problem)
         return cost + (adjoints * rates).sum(axis=0)
 
-    def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The motion interpolated on another mesh, as a start for IPOPT, by the polynomials of the intervals."""
+    def interpolated(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
+        """The trajectory on another mesh, by the polynomials of the intervals, stretched to its duration."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
         breaks, scale = self.breaks, durations.sum()
 
         def resampled(rows: Array, times: Array) -> Array:
-            """Rows at other times; at a break those before it."""
+            """Values of rows at times of the other mesh; at a break those before it."""
             own_times = times / scale * breaks[-1]
             interval = np.searchsorted(breaks[1:-1], own_times)
             fractions = (own_times - breaks[interval]) / np.diff(breaks)[interval]
@@ -163,11 +163,11 @@ class Clock:
 
     @property
     def is_over(self) -> bool:
-        """Whether no time is left, or the user interrupted."""
+        """Whether no time is left, or there was an interrupt."""
         return self.is_interrupted or self.elapsed >= self.limit
 
     def tick(self, _iteration: int) -> None:
-        """Show the elapsed time.
+        """Show the elapsed time; called by IPOPT at each iteration.
 
         :raises KeyboardInterrupt: after an interrupt, to end IPOPT.
         """
@@ -200,28 +200,31 @@ class Solution:
 
     @property
     def ends_search(self) -> bool:
-        """Whether no further attempt is needed, or none has time."""
+        """Whether no further attempt is needed, or there is no time for one."""
         return self.succeeded or not self.finished
 
 
 def in_si(problem: Problem, solution: Solution) -> Solution:
-    """A solution of the relative problem in SI units."""
-    return _scaled(problem, solution, 1)
+    """A solution of the problem in relative units as one in SI units."""
+    return _rescaled_solution(problem, solution, 1)
 
 
-def relative(problem: Problem, solution: Solution) -> Solution:
-    """A solution in SI units as one of the relative problem."""
-    return _scaled(problem.relative, solution, -1)
+def in_relative_units(problem: Problem, solution: Solution) -> Solution:
+    """A solution in SI units as one of the problem in relative units."""
+    return _rescaled_solution(problem.relative_problem, solution, -1)
 
 
-def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
-    """A solution multiplied by a power of the scales, as that of a problem, with the active bounds of this."""
+def _rescaled_solution(problem: Problem, solution: Solution, power: int) -> Solution:
+    """A solution of the same problem in other units, as one of this problem.
+
+    :param power: of the scales by which its numbers are multiplied, 1 or -1.
+    """
     scales, path = problem.scales, solution.problem.path
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
-    def held(i: int, bound: float) -> tuple[int, float]:
-        """The active bound as the problem has it."""
+    def active_bound(i: int, bound: float) -> tuple[int, float]:
+        """The active bound of the i-th row in the units of this problem."""
         return i, float(problem.path.low[i] if bound == path.low[i] else problem.path.high[i])
 
     trajectory, (low, high) = solution.trajectory, problem.duration
@@ -232,7 +235,8 @@ def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
         problem=problem,
         trajectory=CollocatedTrajectory(
             arcs=tuple(
-                replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
+                replace(arc, active_bounds=tuple(active_bound(*row) for row in arc.active_bounds))
+                for arc in trajectory.arcs
             ),
             durations=trajectory.durations * time,
             knots=trajectory.knots * X,
@@ -267,20 +271,25 @@ def solve(
     guess: CollocatedTrajectory,
     clock: Clock,
     *,
-    soft: bool = False,
+    to_nearest_end: bool = False,
     shift: Array | None = None,
-    near: bool = False,
+    is_near: bool = False,
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
     :param clock: time limit, at which the last iterate is returned as not finished.
-    :param soft: minimise the distance from the end instead of the cost.
+    :param to_nearest_end: minimise the distance from the end instead of the cost.
     :param shift: displacement of the end.
-    :param near: start with a small barrier, because the guess is close to the solution.
+    :param is_near: the guess is close to the solution, so that IPOPT starts with a small barrier.
     """
-    program = _constrained_program(problem, guess, soft=soft, shift=shift)
+    program = _constrained_program(problem, guess, to_nearest_end=to_nearest_end, shift=shift)
     opti = program.opti
-    status = _run_ipopt(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
+    status = _run_ipopt(
+        opti,
+        is_near=is_near,
+        most_iterations=200 if to_nearest_end else 100 if is_near else _MOST_ITERATIONS,
+        clock=clock,
+    )
 
     def value(expression: Any, *shape: int) -> Array:
         """Value of an expression at the last iterate."""
@@ -299,7 +308,7 @@ def solve(
     mu, nu = (part.reshape(n, -1, order="F") for part in np.split(duals[: n * (points + m)], [n * points]))
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
     multipliers, equalities = np.zeros(len(problem.end.labels)), problem.end.equalities
-    if equalities and not soft:
+    if equalities and not to_nearest_end:
         multipliers[equalities] = -duals[-len(equalities) :]
     return Solution(
         problem=problem,
@@ -315,17 +324,18 @@ def solve(
 
 
 def _constrained_program(
-    problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None
+    problem: Problem, guess: CollocatedTrajectory, *, to_nearest_end: bool = False, shift: Array | None = None
 ) -> _Program:
-    """The nonlinear program with cost and constraints, the equations first, and last numbers at the end.
+    """The nonlinear program with cost and constraints.
 
-    Arguments are those of :func:`solve`.
+    The equations come first, the values at the end last, so that their multipliers can be told.  Arguments are those
+    of :func:`solve`.
     """
     program = _collocated_program(problem, guess)
     opti = program.opti
     constraints = [program.residuals == 0, *_constraints(problem, guess, program)]
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
-    if soft:
+    if to_nearest_end:
         opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)))
     else:
         constraints += _row_constraints(problem.end, end)
@@ -335,7 +345,7 @@ def _constrained_program(
 
 
 def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Program) -> Iterator[ca.MX]:
-    """Constraints beside the equations and the end."""
+    """All constraints but the equations and the end."""
     yield from _duration_constraints(problem, guess, program)
     first = 0
     for k, arc in enumerate(guess.arcs):
@@ -346,18 +356,20 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
     yield from _row_constraints(problem.start, problem.start.function(program.knots[:, 0]))
     for i in problem.closed:
         yield program.knots[i, -1] == program.knots[i, 0]
-    yield from _phase_constraint(problem, program)
+    yield from _loop_start_constraint(problem, program)
 
 
-def curvature(solution: Solution, clock: Clock) -> Array | None:
-    """Eigenvalues of the reduced Hessian at a solution, ascending; None where there are none, or IPOPT leaves it.
+def reduced_hessian_eigenvalues(solution: Solution, clock: Clock) -> Array | None:
+    """Eigenvalues of the reduced Hessian at a solution, ascending, relative to the greatest absolute one.
+
+    None if IPOPT leaves the solution, or they are not finite.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
     """
     problem, trajectory = solution.problem, solution.trajectory
     opti = _constrained_program(problem, trajectory).opti
-    if _run_ipopt(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _SUCCESSES:
+    if _run_ipopt(opti, is_near=True, most_iterations=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _SUCCESSES:
         return None
     x, g, value = opti.x, opti.g, opti.debug.value
     hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
@@ -378,12 +390,13 @@ def curvature(solution: Solution, clock: Clock) -> Array | None:
         Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
         Z /= weight
         tangent = null_space(J[active] @ Z, rcond=_ACTIVE_DISTANCE) if active.size else np.eye(free.size)
-        return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
+        eigenvalues = np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent)
+        return eigenvalues / np.abs(eigenvalues).max(initial=np.finfo(float).tiny)
     return None
 
 
 def _duration_constraints(problem: Problem, guess: CollocatedTrajectory, program: _Program) -> Iterator[ca.MX]:
-    """Unknown durations are positive, and they and their sum are in their ranges."""
+    """Constraints by which unknown durations are positive, and they and their sum in their ranges."""
     if program.durations.is_constant():
         return
     yield ca.vec(program.durations) >= 1e-6 * float(guess.durations.sum())
@@ -393,7 +406,7 @@ def _duration_constraints(problem: Problem, guess: CollocatedTrajectory, program
 
 
 def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Program:
-    """The nonlinear program without constraints: unknowns, residuals of the equations and cost."""
+    """The nonlinear program before it has constraints: unknowns, residuals of the equations, and cost."""
     arcs = guess.arcs
     m = interval_count(arcs)
     n, c, points = len(problem.states), len(problem.controls), m * DEGREE
@@ -405,10 +418,8 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     after, impulses = opti.variable(n, len(later)), opti.variable(contacts, len(later))
     for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
         opti.set_initial(unknown, first)
-    for k, (first, rows) in enumerate(zip(later, problem.junctions, strict=True)):
-        X, U = (columns[:, first : first + DEGREE] @ TO_POWERS[0] for columns in (guess.inner, guess.controls))
-        opti.set_initial(after[:, k], X)
-        opti.set_initial(impulses[:, k], _nearest_impulses(rows, guess.knots[:, first // DEGREE], X, U))
+    for k, first in enumerate(later):
+        opti.set_initial(after[:, k], guess.inner[:, first : first + DEGREE] @ TO_POWERS[0])
     low, high = problem.duration
     if low == high and len(arcs) == 1:
         durations = ca.MX(ca.DM(low))
@@ -447,16 +458,8 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     )
 
 
-def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) -> Array:
-    """Impulses with which the states before and after a junction agree best."""
-    impulses = ca.SX.sym("impulses", rows.function.size1_in(2))
-    column = rows.function(before, after, impulses, controls)[rows.equalities]
-    matrix, rest = (np.array(ca.evalf(part)) for part in ca.linear_coeff(column, impulses))
-    return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
-
-
 def _junction_constraints(problem: Problem, program: _Program) -> Iterator[ca.MX]:
-    """States before and after the start of each phase but the first, impulses and controls obey its conditions."""
+    """Constraints of each junction on the states before and after it, impulses and controls."""
     for k, (rows, first) in enumerate(zip(problem.junctions, program.later, strict=True)):
         controls = program.controls[:, first : first + DEGREE] @ TO_POWERS[0]
         before = program.knots[:, first // DEGREE]
@@ -464,7 +467,7 @@ def _junction_constraints(problem: Problem, program: _Program) -> Iterator[ca.MX
         yield from _row_constraints(rows, values)
 
 
-def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
+def _run_ipopt(opti: ca.Opti, *, is_near: bool, most_iterations: int, clock: Clock, barrier: float = 1e-7) -> str:
     """Run IPOPT, and return its status."""
     ipopt = {
         "print_level": 0,
@@ -475,10 +478,10 @@ def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: f
         "acceptable_constr_viol_tol": 1e-10,
         "acceptable_iter": 25,
         "bound_relax_factor": 0.0,
-        "max_iter": most,
+        "max_iter": most_iterations,
         "max_wall_time": clock.remaining,
     }
-    stay = {"mu_init": barrier, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
+    stay = {"mu_init": barrier, "bound_push": 1e-9, "bound_frac": 1e-9} if is_near else {}
     opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:
@@ -490,7 +493,7 @@ def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: f
 
 
 def _row_constraints(rows: Rows, values: Any) -> Iterator[ca.MX]:
-    """Rows are in their ranges; numbers come last, as one constraint."""
+    """Constraints by which values of rows are in their ranges; equalities come last, as one."""
     equalities = rows.equalities
     for i in range(len(rows.labels)):
         if i not in equalities:
@@ -509,7 +512,9 @@ def _range_constraint(low: float, value: Any, high: float) -> ca.MX:
 
 
 def _path_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
-    """Rows of the path are in their ranges at the points of an arc, states at the knots, too, or held at a bound.
+    """Constraints by which rows of the path are in their ranges along an arc, or held at a bound.
+
+    They act at the collocation points, on states at the knots, too.
 
     A moved coordinate is held at its bound by its control, a function of states by its rate: each has its value at the
     start of the arc, and no rate along it.
@@ -552,14 +557,14 @@ def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
 
 
 def path_rates(problem: Problem) -> ca.Function:
-    """Time derivatives of the rows of the path, as far as they depend on states."""
+    """Function (state, controls) -> rates of the rows of the path, as far as they depend on states."""
     X, U = ca.SX.sym("X", len(problem.states)), ca.SX.sym("U", len(problem.controls))
     rows = problem.path.function(X, U)
     return ca.Function("path_rates", [X, U], [ca.densify(ca.jtimes(rows, X, problem.rates(X, U)))])
 
 
-def _phase_constraint(problem: Problem, program: _Program) -> Iterator[ca.MX]:
-    """A loop with a free start begins where a weighted sum of σ is extremal."""
+def _loop_start_constraint(problem: Problem, program: _Program) -> Iterator[ca.MX]:
+    """Constraint by which a loop with a free start begins where a weighted sum of σ is extremal; else none."""
     closed = {problem.states[i] for i in problem.closed}
     if problem.control_order == 0 or problem.phases or not problem.is_loop or closed & set(problem.start.labels):
         return
@@ -571,7 +576,7 @@ def _phase_constraint(problem: Problem, program: _Program) -> Iterator[ca.MX]:
 
 
 def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
-    """The degree of the controls in an arc is lower by one if the cost depends on states only.
+    """Constraints by which the degree of the controls in an arc is lower by one, if the cost has only states.
 
     Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
     all points, cost nothing if they alternate from interval to interval.
@@ -588,5 +593,5 @@ def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Progra
 
 
 def anchor_weights(count: int) -> Array:
-    """Weights of a sum of σ that varies even where one coordinate is at a bound."""
+    """Weights of the coordinates in a sum of σ that varies even where one of them is at a bound."""
     return np.power(0.6, np.arange(count))

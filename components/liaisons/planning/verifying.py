@@ -14,9 +14,9 @@ from liaisons.planning.transcription import (
     Array,
     Clock,
     Solution,
-    curvature,
     interval_count,
     phase_points,
+    reduced_hessian_eigenvalues,
     solve,
 )
 from liaisons.results import Result
@@ -38,7 +38,7 @@ _END_SHIFT = 1e-4
 
 
 def verdicts(solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
-    """All verdicts on a plan.
+    """All verdicts on the solution of a plan.
 
     :param solution: in relative units.
     :param replay: the motion as the FMUs perform it, in SI units.
@@ -48,11 +48,9 @@ def verdicts(solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
         f"the search came to its end: best of {solution.starts} {'start' if solution.starts == 1 else 'starts'}, "
         f"with {solution.optima} {'optimum' if solution.optima == 1 else 'optima'}"
     )
-    ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
-
     finer = cache(partial(_on_finer_mesh, solution, clock))
     claims = [
-        ended,
+        verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0),
         *_replay_verdicts(solution, replay),
         *_hamiltonian_verdicts(solution),
         _second_order_verdict((lambda: solution, finer), clock),
@@ -61,18 +59,21 @@ def verdicts(solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
 
 
 def _on_finer_mesh(solution: Solution, clock: Clock) -> Solution:
-    """The solution on a mesh with half as many intervals more."""
+    """The solution on a mesh with one and a half times as many intervals."""
     trajectory = solution.trajectory
     arcs = (replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
-    return solve(solution.problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
+    return solve(solution.problem, trajectory.interpolated(tuple(arcs), trajectory.durations), clock, is_near=True)
 
 
 def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
-    """Verdict on the curvature on the first of the meshes that has no negative one: coarse meshes may add some."""
+    """Verdict on the second-order condition, on the first of the meshes that satisfies it, else the last.
+
+    A coarse mesh may add directions of negative curvature.
+    """
     eigenvalues = None
     for solution in meshes:
-        eigenvalues = None if clock.is_over else curvature(solution(), clock)
-        if eigenvalues is None or not eigenvalues.size or _least_eigenvalue(eigenvalues) >= -_ZERO_CURVATURE:
+        eigenvalues = None if clock.is_over else reduced_hessian_eigenvalues(solution(), clock)
+        if eigenvalues is None or not eigenvalues.size or eigenvalues[0] >= -_ZERO_CURVATURE:
             break
     why = f"of the largest; what is less than {_ZERO_CURVATURE:g} cannot be told from 0"
     text = "a local minimum: the reduced Hessian is positive definite"
@@ -80,15 +81,10 @@ def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock
         return verdict(text, error=np.nan, tolerance=_ZERO_CURVATURE, reason=why)
     if not eigenvalues.size:
         return verdict("a local minimum: constraints leave nothing free", error=0.0, tolerance=0.0)
-    least = _least_eigenvalue(eigenvalues)
+    least = float(eigenvalues[0])
     if least < _ZERO_CURVATURE:
         text = "second-order condition: no direction has negative curvature (some have none)"
     return verdict(text, error=max(0.0, -least), tolerance=_ZERO_CURVATURE, reason=why)
-
-
-def _least_eigenvalue(eigenvalues: Array) -> float:
-    """The least eigenvalue relative to the greatest absolute one."""
-    return float(eigenvalues[0] / max(np.abs(eigenvalues).max(), np.finfo(float).tiny))
 
 
 def _replay_verdicts(solution: Solution, replay: Result) -> Iterator[Verdict]:
@@ -159,13 +155,16 @@ def _hamiltonian_verdicts(solution: Solution) -> Iterator[Verdict]:
 
 
 def _is_within(duration: tuple[float, float], T: float) -> bool:
-    """Whether a duration lies inside of its range, and not at an end."""
+    """Whether T lies inside of the range of a duration, and not at an end."""
     low, high = duration
     return low < T * (1 - 1e-9) and high * (1 - 1e-9) > T
 
 
 def hamiltonians(solution: Solution) -> list[Array]:
-    """Values of the Hamiltonian on the parts where it is constant: all phases of free duration, and each other one."""
+    """Values of the Hamiltonian on each part of the motion along which it is constant.
+
+    Phases of free duration are one part together, others one each.
+    """
     problem, H = solution.problem, solution.hamiltonian
     points = phase_points(problem, solution.trajectory.arcs)
     durations = solution.trajectory.durations if problem.phases else [0.0]
@@ -179,12 +178,12 @@ def hamiltonians(solution: Solution) -> list[Array]:
 
 
 def hamiltonian_variation(solution: Solution) -> float:
-    """Variation of the Hamiltonian on these parts."""
+    """Greatest variation of the Hamiltonian within a part along which it is constant."""
     return float(max(map(np.ptp, hamiltonians(solution))))
 
 
 def hamiltonian_scale(solution: Solution) -> float:
-    """Mean size of the terms of the Hamiltonian."""
+    """Mean sum of the absolute terms of the Hamiltonian."""
     running, rates = solution.trajectory.cost_and_rates(solution.problem)
     return max(
         MULTIPLIER_ERROR / HAMILTONIAN_VARIATION,
@@ -193,7 +192,7 @@ def hamiltonian_scale(solution: Solution) -> float:
 
 
 def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clock) -> Iterator[Verdict]:
-    """Verdicts on the costs of a finer mesh and of displaced ends."""
+    """Verdicts on the costs on a finer mesh, and for displaced ends."""
     trajectory = solution.trajectory
     second = finer()
     scale = max(MULTIPLIER_ERROR / HAMILTONIAN_VARIATION, abs(solution.cost))
@@ -207,19 +206,19 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
         # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
         by = _END_SHIFT * min(1.0, scale / size)
 
-        def beside(parts: int) -> Solution:
-            """The solution with a displaced end."""
+        def displaced_solution(parts: int) -> Solution:
+            """The solution with the end displaced along the direction, by so many parts."""
             shift = parts * by * direction / np.linalg.norm(direction)
-            return solve(solution.problem, trajectory, clock, near=True, shift=shift)
+            return solve(solution.problem, trajectory, clock, is_near=True, shift=shift)
 
         @cache
         def cost(parts: int) -> float:
-            """Its cost; not-a-number if it is not solved."""
-            shifted = beside(parts)
+            """Cost for the displaced end; not-a-number if it is not solved."""
+            shifted = displaced_solution(parts)
             return shifted.cost if shifted.succeeded else np.nan
 
         def one_sided(parts: int) -> float:
-            """Slope of the parabola through the costs of the end and of two displaced ends, an error of order δ²."""
+            """Slope of the cost from the end and two ends displaced to one side, by a parabola."""
             return (4 * cost(parts) - cost(2 * parts) - 3 * solution.cost) / (2 * by * parts)
 
         direction = gradient
@@ -241,7 +240,7 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
             error > _SLOPE_TOLERANCE * least
         ):  # of many optima the cheapest one for this end is another, with multipliers of its own
             for _ in range(_DIRECTION_ITERATIONS):
-                direction = direction + gradient - beside(-1).end_multipliers
+                direction = direction + gradient - displaced_solution(-1).end_multipliers
             cost.cache_clear()
             error = abs(one_sided(-1) - float(gradient @ direction) / float(np.linalg.norm(direction)))
             text = text.removesuffix(kink) + kink
@@ -249,6 +248,6 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
 
 
 def _relative_violation(rows: Rows, values: Array) -> float:
-    """Greatest distance of values from their ranges, relative to bounds above 1."""
+    """Greatest distance of values from the ranges of their rows, relative to bounds above 1."""
     ends = np.where(np.isfinite([rows.low, rows.high]), np.abs([rows.low, rows.high]), 0).max(axis=0)
     return float(np.max(rows.violation(values) / np.maximum(1.0, ends)[:, None], initial=0.0))
