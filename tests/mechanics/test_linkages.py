@@ -29,6 +29,7 @@ from liaisons import (
     derive,
     flatten,
     ground,
+    modelica,
     non_holonomic,
     operator,
     simulate,
@@ -400,3 +401,12 @@ def test_unknown_argument_of_a_joint_shows_how_it_is_written() -> None:
 def test_open_loop_at_the_start_of_a_simulation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match=r"pin_offset_.* must be kept to 1e-06 m"):
         simulate(build(parallelogram(), tmp_path), stop_time=0.1, elbow_0=1.5)
+
+
+def test_each_spherical_joint_has_angular_accelerations_of_its_own() -> None:
+    """In Modelica text, which names them; they were one unknown of all joints."""
+    one, two = Body(**ROD), Body(**ROD)
+    members = {"one": one, "two": two, "j": Spherical(ground, one), "k": Spherical(one, two, at=(1, 0, 0))}
+    words = set(re.findall(r"\w+", modelica(type("Hung", (Linkage,), members))))
+    names = {f"{joint}_omega_{axis}_dot" for joint in "jk" for axis in "xyz"}
+    assert {word for word in words if word.endswith("_dot") and "omega" in word} == names

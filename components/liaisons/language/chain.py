@@ -57,10 +57,10 @@ class Chain(MechanicalComponent, abstract=True):
         free, active = [q.name for q in self.coordinates], [s.name for s in self.actives]
         joint = [f"joint_{axis}" for axis in type(self).joint.axes]
         (self.q, self.q_dot, self.q_ddot), (self.w, self.w_dot, self.w_ddot), (self.s, self.s_dot, self.s_ddot) = (
-            [self._symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
+            [self._add_symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
             for names in (free, joint, active)
         )
-        self.contact_forces = self._symbols(f"{item.name}_force" for item in self.contact_formulas)
+        self.contact_forces = self._add_symbols(f"{item.name}_force" for item in self.contact_formulas)
 
     # ---- defined by components -----------------------------------------------------------------------------
 
@@ -97,19 +97,19 @@ class Chain(MechanicalComponent, abstract=True):
     def _check(self) -> None:
         for item in declared(type(self), Declaration):
             if item.size:
-                text = f"{type(self).__name__}.{item.name}: size = {item.size!r}: a Chain describes one link"
-                raise ComponentError(f"{text}; what each has is an array of length n already")
+                item.refuse(
+                    f"size = {item.size!r}: a Chain describes one link; what each has is an array of length n already"
+                )
             if not isinstance(item, _OF_CHAINS):
-                text = f"{type(self).__name__}.{item.name}: a Chain has no {type(item).__name__}; write a Mechanism"
-                raise ComponentError(text)
-        parameters, axes = self._named(self.parameter_column), type(self).joint.unit_of
-        link = parameters | self._named(self.q, self.w)
-        motion = link | self._named(self.q_dot, self.w_dot)
+                item.refuse(f"a Chain has no {type(item).__name__}; write a Mechanism")
+        parameters, axes = self._symbols_by_name(self.parameter_column), type(self).joint.unit_of
+        link = parameters | self._symbols_by_name(self.q, self.w)
+        motion = link | self._symbols_by_name(self.q_dot, self.w_dot)
         formulas = Formulas(self)
         self._check_points(formulas, link)
-        formulas.each("tip", link, axes)
+        formulas.check_mapping("tip", link, axes)
         if call(self, "base") is not None:
-            formulas.each("base", parameters | self._named(self.s), axes)
+            formulas.check_mapping("base", parameters | self._symbols_by_name(self.s), axes)
         for name in ("kinetic_energy", "potential_energy", "bond_energy"):
             formulas(name, motion if name == "kinetic_energy" else link, "J")
         formulas("friction_coefficient", parameters, "1/s")
