@@ -376,7 +376,7 @@ ARM = JOINT.format("j", "continuous", "a", "b", "")
         ((*GOOD, JOINT.format("j", "fixed", "a", "b", "")), ["none moves"]),
         ((*GOOD, JOINT.format("***", "revolute", "a", "b", "")), ["joint '***'", "rename"]),
         ((*GOOD, JOINT.format("gravity", "revolute", "a", "b", "")), ["joint 'gravity'", "taken", "rename"]),
-        ((*GOOD, JOINT.format("weight", "revolute", "a", "b", "")), ["weight", "taken", "choose another"]),
+        ((*GOOD, JOINT.format("dot", "revolute", "a", "b", "")), ["dot", "taken", "choose another"]),
         (
             (*GOOD, ARM, LINK.format("b!", 1), JOINT.format("k", "revolute", "a", "b!", "")),
             ["link 'b!'", "'b'", "taken", "rename"],

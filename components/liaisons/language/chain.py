@@ -8,7 +8,7 @@ import casadi as ca
 from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import Formulas, call, declared
+from liaisons.language.checks import Formulas, call, declarations_of
 from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -95,7 +95,7 @@ class Chain(MechanicalComponent, abstract=True):
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:
-        for item in declared(type(self), Declaration):
+        for item in declarations_of(type(self), Declaration):
             if item.size:
                 item.refuse(
                     f"size = {item.size!r}: a Chain describes one link; what each has is an array of length n already"

@@ -24,7 +24,7 @@ _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 _OURS = "liaisons.language"
 
 
-def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
+def declarations_of(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
     """Declarations of one kind: those of base classes first, in the order of the file."""
     declarations: dict[str, D] = {}
     for base in reversed(cls.__mro__):
@@ -51,7 +51,7 @@ def call(instance: object, name: str, *arguments: Any) -> Any:
         raise ComponentError(f"{type(instance).__name__}.{name}: {_explanation(error)}{_line_suffix(error)}") from error
 
 
-def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
+def checked_scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     """Value as a scalar expression of known symbols.
 
     :raises ComponentError: if it is no expression, no scalar, or contains an unknown symbol.
@@ -107,7 +107,7 @@ class Formulas:
 
         :param label: name of the method, with a key where it returns several, ``"bob['x']"``.
         """
-        expression = scalar(self._owner, label, value, symbols)
+        expression = checked_scalar(self._owner, label, value, symbols)
         attribute = inspect.getattr_static(self._owner, label.partition("[")[0])
         if not (attribute.unchecked if isinstance(attribute, Declaration) else hasattr(attribute, UNCHECKED)):
             self._declared.append(Declared(f"{self._owner.__name__}.{label}", expression, unit))
@@ -127,7 +127,7 @@ class Formulas:
 
     def check_internal_rates(self, symbols: Mapping[str, ca.SX]) -> None:
         """Check the method ``internal_rates``."""
-        states = declared(self._owner, InternalState)
+        states = declarations_of(self._owner, InternalState)
         unit = {state.name: units.rate(units.ANY if state.unchecked else state.unit) for state in states}
         self.check_mapping("internal_rates", symbols, unit)
 
@@ -138,7 +138,7 @@ class Formulas:
         :param further: units of symbols that are no variables.
         """
         unit = {v.name: v.unit for variable in variables for v in (variable, *variable.elements())} | further
-        unit |= {item.name: units.ANY for item in declared(self._owner, Symbol) if item.unchecked}
+        unit |= {item.name: units.ANY for item in declarations_of(self._owner, Symbol) if item.unchecked}
         check_units({name: (symbol, unit.get(name, units.ANY)) for name, symbol in symbols.items()}, self._declared)
 
 
@@ -167,7 +167,7 @@ def _line_suffix(error: Exception) -> str:
 
 def require_units(cls: type) -> None:
     """Raise a ComponentError for a declaration without a unit; only an operator's may take any."""
-    for item in declared(cls, Declaration):
+    for item in declarations_of(cls, Declaration):
         if item.unit == units.ANY:
             item.refuse("its unit is missing; that of a pure number is '1'")
 
@@ -213,12 +213,12 @@ def reject_reserved_names(cls: type) -> None:
     ours = [base for base in cls.__mro__ if base.__module__.startswith(_OURS)]
     taken = {name for base in ours for name, value in vars(base).items() if not isinstance(value, Declaration)}
     taken |= {name for base in ours for name in vars(base).get("__annotations__", ())}
-    for item in declared(cls, Declaration):
+    for item in declarations_of(cls, Declaration):
         if not _IDENTIFIER.match(item.name):
             item.refuse("use an ASCII identifier that starts with a letter")
         if item.name in taken:
             item.refuse("the name is taken by the base class; choose another")
-    for item in declared(cls, Symbol):
+    for item in declarations_of(cls, Symbol):
         variable = item.variable("parameter", "fixed")
         if not variable.allows(item.start):
             item.refuse(f"default {item.start:g} {item.unit} is outside its own domain: it must be {variable.domain()}")

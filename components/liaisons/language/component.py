@@ -10,7 +10,7 @@ import casadi as ca
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import (
-    declared,
+    declarations_of,
     reject_clashes,
     reject_misspelt_methods,
     reject_reserved_names,
@@ -41,7 +41,7 @@ class DeclarationsOf(Generic[D]):
 
     def find(self, owner: type) -> tuple[D, ...]:
         """Declarations of a class; for an array, those of its elements."""
-        return tuple(element for item in declared(owner, self._kind) for element in item.elements(owner))
+        return tuple(element for item in declarations_of(owner, self._kind) for element in item.elements(owner))
 
 
 class Component(ABC):

@@ -66,7 +66,9 @@ def _bound(m: MechanicalComponent, formulas: Formulas, item: Declaration, name: 
         more = suggestion(name if isinstance(name, str) else "", declared)
         item.refuse(f"is bounded by {name!r}, which is no parameter and no method{more}")
     column = m.parameter_column
-    bound = formulas.add(name, m.threshold(name), {str(symbol): symbol for symbol in ca.vertsplit(column)}, unit)
+    bound = formulas.add(
+        name, m.contact_coefficient(name), {str(symbol): symbol for symbol in ca.vertsplit(column)}, unit
+    )
     lowest = declared[name].minimum if name in declared else 0
     if lowest is None or lowest < 0:
         item.refuse(f"is bounded by {name!r}, which may be negative: let it have minimum=0")

@@ -45,8 +45,8 @@ class Frame:
     joint: Any  # a BodyJoint
     body: Any  # a Body; None: a massless body inside a joint
     parent: int  # its number; -1: ground
-    turn: ca.SX  # rotation matrix, frame to parent (3, 3)
-    place: ca.SX  # of its origin, in the parent (3, 1)
+    rotation: ca.SX  # rotation matrix, frame to parent (3, 3)
+    position: ca.SX  # of its origin, in the parent (3, 1)
     axes: ca.SX  # S, constant in the frame: v = X v_parent + S q̇ (6, k)
     prescribed: bool
     rows: list[int]  # of its coordinates among the free velocities, or the active coordinates
@@ -257,22 +257,22 @@ class BodyJoint(Declaration[ca.SX]):
         :param parent: number of the first body's frame; ``count`` that of the first new one.
         :param rows: by coordinate or orientation.
         """
-        turn, place = roll_pitch_yaw_rotation(self.rotation), m.parameter_vector(f"{self.name}_at")
+        rotation, position = roll_pitch_yaw_rotation(self.rotation), m.parameter_vector(f"{self.name}_at")
         for i, (ending, kind, axis) in enumerate(self.motions or [("", "weld", "")]):
             name = f"{self.name}{ending}" if kind != "ball" else self.name
             unit, axes = ca.SX(ca.sparsify(ca.DM(unit_vector(axis or self.axis)))), ca.SX(6, 0)
             if kind == "ball":
-                turn, axes = turn @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
+                rotation, axes = rotation @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
             elif kind != "weld":
                 q, advance = m.symbols[name], m.parameter_or_zero(f"{self.name}_pitch") / (2 * pi)
-                place += turn @ unit * (q if kind == "shift" else advance * q)
+                position += rotation @ unit * (q if kind == "shift" else advance * q)
                 axes = ca.vertcat(ca.SX(3, 1), unit) if kind == "shift" else ca.vertcat(unit, advance * unit)
-                turn = turn @ axis_rotation(unit, q) if kind == "turn" else turn
+                rotation = rotation @ axis_rotation(unit, q) if kind == "turn" else rotation
             last = i + 1 >= len(self.motions)
             prescribed = kind == "weld" or self.is_prescribed(ending)
             body, own = self.child if last else None, rows.get(name, [])
-            yield Frame(name, self, body, parent, turn, place, axes, prescribed, own)
-            turn, place, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
+            yield Frame(name, self, body, parent, rotation, position, axes, prescribed, own)
+            rotation, position, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
 
 
 class Revolute(BodyJoint):

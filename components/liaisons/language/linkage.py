@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import declared
+from liaisons.language.checks import declarations_of
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import Gravity, declare
 from liaisons.language.joints import (
@@ -160,7 +160,7 @@ class Linkage(Mechanism, abstract=True):
     def potential_energy(self) -> ca.SX:
         return self._gravity_potential() + self.elastic_energy()
 
-    def weight(self) -> ca.SX:
+    def gravity_vector(self) -> ca.SX:
         """Acceleration of gravity [m/s2], (3, 1)."""
         return self.gravity * column(self.gravity_direction)
 
@@ -204,7 +204,7 @@ class Linkage(Mechanism, abstract=True):
         return [*rods, *slides, *balls, *drawn, *springs]
 
     @property
-    def is_of_bodies(self) -> bool:
+    def has_derived_energies(self) -> bool:
         """Whether the energies are those of the declared bodies and joints; a subclass may override them."""
         names = ("kinetic_energy", "potential_energy", "lagrangian")
         return all(getattr(type(self), name) is getattr(Linkage, name) for name in names)
@@ -228,15 +228,15 @@ class Linkage(Mechanism, abstract=True):
         moments = (
             self.parameter_or_zero(f"{body.name}_mass") * self.attached(body, f"{body.name}_centre") for body in bodies
         )
-        return -ca.dot(self.weight(), sum(moments, ca.SX(3, 1)))
+        return -ca.dot(self.gravity_vector(), sum(moments, ca.SX(3, 1)))
 
     def _body_frame(self, frame: Frame) -> BodyFrame:
         parent = self._body_frames[frame.parent]
         rates = (self.active.s_dot if frame.prescribed else self.free.q_dot)[frame.rows, 0]
         own = frame.axes @ rates
-        spin = frame.turn.T @ parent.spin + own[:3]
-        velocity = frame.turn.T @ (parent.velocity + skew(parent.spin) @ frame.place) + own[3:]
-        return BodyFrame(parent.matrix @ frame.turn, parent.position(frame.place), spin, velocity)
+        spin = frame.rotation.T @ parent.spin + own[:3]
+        velocity = frame.rotation.T @ (parent.velocity + skew(parent.spin) @ frame.position) + own[3:]
+        return BodyFrame(parent.matrix @ frame.rotation, parent.position(frame.position), spin, velocity)
 
 
 _GROUND = BodyFrame(ca.SX.eye(3), ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1))
@@ -247,9 +247,9 @@ def _declare(cls: type[Linkage]) -> None:
 
     :raises ComponentError: for one that is declared wrongly.
     """
-    cls._joints = {**cls._joints, **{joint.name: joint for joint in declared(cls, BodyJoint)}}
-    bodies: tuple[Any, ...] = declared(cls, Body)
-    joints, attached = [*cls._joints.values()], (*declared(cls, SpringDamper), *declared(cls, BodyPoint))
+    cls._joints = {**cls._joints, **{joint.name: joint for joint in declarations_of(cls, BodyJoint)}}
+    bodies: tuple[Any, ...] = declarations_of(cls, Body)
+    joints, attached = [*cls._joints.values()], (*declarations_of(cls, SpringDamper), *declarations_of(cls, BodyPoint))
     names = {id(body) for body in bodies} | {id(ground)}
     for item in (*joints, *attached):
         for body in item.bodies:

@@ -15,7 +15,7 @@ from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
-from liaisons.language.checks import Formulas, call, components_of, declared, require_units, shapes_of
+from liaisons.language.checks import Formulas, call, components_of, declarations_of, require_units, shapes_of
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -45,7 +45,7 @@ class _Actives(DeclarationsOf[ActiveCoordinate]):
     """The active coordinates, those of rheonomic constraints last."""
 
     def find(self, owner: type) -> tuple[ActiveCoordinate, ...]:
-        return (*super().find(owner), *(item.active for item in declared(owner, rheonomic_constraint)))
+        return (*super().find(owner), *(item.active for item in declarations_of(owner, rheonomic_constraint)))
 
 
 class MechanicalComponent(Component, abstract=True):
@@ -108,7 +108,7 @@ class MechanicalComponent(Component, abstract=True):
             [*map(self.dot, map(self.expression_of, self.unilaterals)), *map(self.expression_of, self.dry_frictions)]
         )
 
-    def threshold(self, name: str) -> ca.SX:
+    def contact_coefficient(self, name: str) -> ca.SX:
         """Value of the parameter or method of this name, a bound of dry friction or a restitution; 0 for ``""``."""
         return ca.SX(call(self, name) if name else 0)
 
@@ -147,7 +147,7 @@ class MechanicalComponent(Component, abstract=True):
         units_at = {name: unit_of[name.rpartition("_")[0]] for name in self.point_components()}
         internal = (state.name for state in self.internal_states)
         moving = (*self.motion_names("quaternion"), *self.motion_names("momenta"), *internal)
-        extents = (item.extent(type(self)) for item in declared(type(self), Declaration))
+        extents = (item.extent(type(self)) for item in declarations_of(type(self), Declaration))
         variables = Layout(
             parameters=(*self._declared_parameters(), *self._start_parameters()),
             inputs=tuple(self._inputs(units_at)),
@@ -164,7 +164,8 @@ class MechanicalComponent(Component, abstract=True):
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
             dimensions=tuple(
-                Dimension(size.name, self.sizes[size.name], size.description) for size in declared(type(self), Size)
+                Dimension(size.name, self.sizes[size.name], size.description)
+                for size in declarations_of(type(self), Size)
             ),
         )
         return variables.with_arrays({extent.count: extent for extent in extents if extent})

@@ -15,7 +15,7 @@ from liaisons.base import units
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, is_quadratic
-from liaisons.language.checks import Formulas, call, declared, scalar
+from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
@@ -90,7 +90,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
-        self.sizes = {size.name: size.default for size in declared(type(self), Size)}
+        self.sizes = {size.name: size.default for size in declarations_of(type(self), Size)}
         free, orientations = [c.name for c in self.coordinates], self.orientations
         if len({orientation.quaternion for orientation in orientations}) < len(orientations):
             raise ComponentError(
@@ -219,7 +219,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         for item in (*self.coordinates, *self.parameters):
             if item.leading and not isinstance(item, ParameterArray):
                 item.refuse(f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
-        for item in declared(type(self), ContactFormula):
+        for item in declarations_of(type(self), ContactFormula):
             extent, column = item.extent(type(self)), call(self, item.name)
             if extent and ca.SX(column).shape != (extent.count, 1):
                 item.refuse(f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
@@ -231,7 +231,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         if self.has_energies():
             formulas("kinetic_energy", motion, "J")
             formulas("potential_energy", configuration, "J")
-        lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
+        lagrangian = checked_scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
         if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
             formulas.add("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")

@@ -48,7 +48,7 @@ class SampledStates(SignalComponent, abstract=True):
     def is_sampled(cls) -> bool:
         return True
 
-    def readable(self, memory: ca.SX) -> ca.SX:
+    def visible_states(self, memory: ca.SX) -> ca.SX:
         """Discrete states that other formulas of the component see."""
         return self._memory_parts(memory)[1]
 
@@ -72,7 +72,7 @@ class SampledStates(SignalComponent, abstract=True):
         return ca.vertcat(start, start, self.clock - 3 * CLOCK_ERROR * self.period)
 
     @final
-    def margin(self, memory: ca.SX) -> ca.SX:
+    def missed_sample_margin(self, memory: ca.SX) -> ca.SX:
         """Number [s] that is > 0 unless a sample before ``clock`` was missed."""
         near = CLOCK_ERROR * self.period
         return self._memory_parts(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
@@ -117,7 +117,7 @@ class Sampled(SampledStates, abstract=True):
         formulas.check_units(self.layout().variables, self.symbols | {"t": self.clock}, t="s")
 
     @final
-    def readable(self, memory: ca.SX) -> ca.SX:
+    def visible_states(self, memory: ca.SX) -> ca.SX:
         """Discrete states that other formulas see: outputs change after the delay of computation."""
         before, after, last = map(ca.vertsplit, self._memory_parts(memory))
         is_ready = self.clock >= last[0] + self.delay - CLOCK_ERROR * self.period

@@ -53,8 +53,8 @@ class Recursion:
         """Kᵀ ∂L/∂q without springs (f,)."""
         falling, weights = [], []
         for i, (frame, inertia) in enumerate(zip(self.frames, self.inertias, strict=True)):
-            above = self.m.weight() if frame.parent < 0 else falling[frame.parent][3:]
-            falling.append(self._share("w", i, ca.vertcat(ca.SX(3, 1), frame.turn.T @ above)))
+            above = self.m.gravity_vector() if frame.parent < 0 else falling[frame.parent][3:]
+            falling.append(self._share("w", i, ca.vertcat(ca.SX(3, 1), frame.rotation.T @ above)))
             weights.append(inertia @ falling[i])
         self._inwards("W", weights)
         carried = map(_crossed, self.carried, self.momenta)
@@ -106,7 +106,7 @@ class Recursion:
     @property
     def _upwards(self) -> ca.SX:
         """Acceleration of the ground that has the effect of gravity (6, 1)."""
-        return ca.vertcat(ca.SX(3, 1), -self.m.weight())
+        return ca.vertcat(ca.SX(3, 1), -self.m.gravity_vector())
 
     @property
     def _turning(self) -> list[ca.SX]:
@@ -171,18 +171,18 @@ def _of_parent(motions: list[ca.SX], frame: Frame) -> ca.SX:
 def _moved(frame: Frame, motion: ca.SX) -> ca.SX:
     """X times a motion of the parent's frame."""
     spin, velocity = motion[:3], motion[3:]
-    return ca.vertcat(frame.turn.T @ spin, frame.turn.T @ (velocity + skew(spin) @ frame.place))
+    return ca.vertcat(frame.rotation.T @ spin, frame.rotation.T @ (velocity + skew(spin) @ frame.position))
 
 
 def _returned(frame: Frame, force: ca.SX) -> ca.SX:
     """Xᵀ times a force of the frame; or several, in columns."""
-    linear = frame.turn @ force[3:, :]
-    return ca.vertcat(frame.turn @ force[:3, :] + skew(frame.place) @ linear, linear)
+    linear = frame.rotation @ force[3:, :]
+    return ca.vertcat(frame.rotation @ force[:3, :] + skew(frame.position) @ linear, linear)
 
 
 def _shifted(frame: Frame, inertia: ca.SX) -> ca.SX:
     """Xᵀ inertia X (6, 6)."""
-    R, r = frame.turn, skew(frame.place)
+    R, r = frame.rotation, skew(frame.position)
     angular, coupling, linear = (R @ block @ R.T for block in (inertia[:3, :3], inertia[:3, 3:], inertia[3:, 3:]))
     linear = _symmetric(linear)
     moved = coupling + r @ linear

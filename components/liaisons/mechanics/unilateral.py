@@ -111,9 +111,9 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
         "acceleration_scale": forced + 1e-3 * nominal,
         "gap": gaps,
         "scale": ca.fabs(ca.jacobian(gaps, free.q)) @ moved + prescribed,
-        "restitution": stack(m.threshold(item.restitution or "") for item in m.unilaterals),
-        "stick": stack(m.threshold(item.static) for item in m.dry_frictions),
-        "slide": stack(m.threshold(item.sliding) for item in m.dry_frictions),
+        "restitution": stack(m.contact_coefficient(item.restitution or "") for item in m.unilaterals),
+        "stick": stack(m.contact_coefficient(item.static) for item in m.dry_frictions),
+        "slide": stack(m.contact_coefficient(item.sliding) for item in m.dry_frictions),
     }
 
 

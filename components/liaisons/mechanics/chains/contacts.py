@@ -69,9 +69,9 @@ def link_contact_numbers(
         "acceleration_scale": ca.fabs(along) @ forced + ca.fabs(over) @ w_ddot + ca.fabs(rest),
         "gap": gaps,
         "scale": scale(gaps, moved, w),
-        "restitution": stack(m.threshold(item.restitution or "") for item in m.unilaterals),
-        "stick": stack(m.threshold(item.static) for item in m.dry_frictions),
-        "slide": stack(m.threshold(item.sliding) for item in m.dry_frictions),
+        "restitution": stack(m.contact_coefficient(item.restitution or "") for item in m.unilaterals),
+        "stick": stack(m.contact_coefficient(item.static) for item in m.dry_frictions),
+        "slide": stack(m.contact_coefficient(item.sliding) for item in m.dry_frictions),
     }
     declared = {False: m.unilaterals, True: m.dry_frictions}
     columns: dict[str, Vector] = {}
