@@ -25,6 +25,7 @@ from liaisons import (
     SpringDamper,
     System,
     Universal,
+    assemble,
     build,
     derive,
     flatten,
@@ -404,9 +405,22 @@ def test_open_loop_at_the_start_of_a_simulation_is_refused(tmp_path: Path) -> No
 
 
 def test_each_spherical_joint_has_angular_accelerations_of_its_own() -> None:
-    """In Modelica text, which names them; they were one unknown of all joints."""
-    one, two = Body(**ROD), Body(**ROD)
+    """Outputs of FMUs, which were 0, and variables of Modelica text, which were those of one joint."""
+    one, two = (Body(**ROD | {"inertia": (0.1, 0.2, 0.25)}) for _ in range(2))
     members = {"one": one, "two": two, "j": Spherical(ground, one), "k": Spherical(one, two, at=(1, 0, 0))}
-    words = set(re.findall(r"\w+", modelica(type("Hung", (Linkage,), members))))
-    names = {f"{joint}_omega_{axis}_dot" for joint in "jk" for axis in "xyz"}
-    assert {word for word in words if word.endswith("_dot") and "omega" in word} == names
+    hung = type("Hung", (Linkage,), members)
+    names = [f"{joint}_omega_{axis}" for joint in "jk" for axis in "xyz"]
+    words = re.findall(r"\w*omega_[xyz]_dot\b", modelica(hung))
+    assert set(words) == {f"{name}_dot" for name in names}
+    model = assemble(hung)
+    start = {f"{name}_0": 0.3 * i - 0.5 for i, name in enumerate(names)}
+    k = [start.get(v.name, v.starts[0]) for v in model.parameters]
+    u, m, outputs = np.zeros(len(model.inputs)), np.zeros(len(model.memory)), [v.name for v in model.outputs]
+    y = ca.SX.sym("y", model.derivatives.size1_out(0))
+    z = model.outputs_function(0, y, u, k, m)
+    rate = ca.jtimes(z, y, model.derivatives(0, y, u, k))
+    both = ca.Function("both", [y], [z, rate])(model.start(0, u, k)[0])
+    for name in names:
+        angular_acceleration, expected = both[0][outputs.index(f"{name}_dot")], both[1][outputs.index(name)]
+        assert abs(float(expected)) > 1e-3
+        assert float(angular_acceleration) == pytest.approx(float(expected), rel=1e-9)
