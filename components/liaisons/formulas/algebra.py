@@ -253,7 +253,7 @@ def _sum_of_terms(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
     """Return a polynomial of terms, like ones added up."""
     total: Polynomial = {}
     for monomial, coefficient in terms:
-        total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
+        total[monomial] = total.get(monomial, 0) + coefficient
     return {monomial: coefficient for monomial, coefficient in total.items() if coefficient}
 
 

@@ -5,6 +5,7 @@ What a kind of text writes around its parts is a template, or a method where it 
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import ClassVar
 
 from liaisons.formulas.notation import Letter, Notation
@@ -123,8 +124,14 @@ class Printer(ABC):
     def function(self, name: str) -> str:
         """Return the name of a function."""
 
-    @abstractmethod
-    def product(self, factors: tuple[Term, ...]) -> str: ...
+    def product(self, factors: tuple[Term, ...]) -> str:
+        """Return factors with signs of multiplication between them."""
+        rows = [self.factor(factor, Addition, Product) for factor in factors]
+        return rows[0] + "".join(self.multiplication_sign(*pair) + pair[1] for pair in pairwise(rows))
+
+    def multiplication_sign(self, before: str, after: str) -> str:  # noqa: ARG002 - of both
+        """Return what stands between two factors."""
+        return self.space
 
     @abstractmethod
     def fraction(self, above: str, below: str) -> str: ...

@@ -1,7 +1,5 @@
 """Formulas as expressions of SymPy, an optional package."""
 
-from functools import reduce
-from operator import mul
 from typing import Any
 
 from liaisons.errors import ProjectError
@@ -44,9 +42,9 @@ def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
             case kinds.Negative(subtracted):
                 return -value(subtracted)
             case kinds.Addition(terms):
-                return sum(map(value, terms), sympy.S.Zero)
+                return sympy.Add(*map(value, terms))
             case kinds.Product(factors):
-                return reduce(mul, map(value, factors))
+                return sympy.Mul(*map(value, factors))
             case kinds.Quotient(above, below):
                 return value(above) / value(below)
             case kinds.Power(base, exponent):

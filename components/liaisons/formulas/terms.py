@@ -81,11 +81,10 @@ Term: TypeAlias = Number | Name | Negative | Addition | Product | Quotient | Pow
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A term, the definitions of its abbreviations in their order, and the number of operations in all."""
+    """A term, and the definitions of its abbreviations in their order."""
 
     term: Term
     where: tuple[tuple[Name, Term], ...]
-    operations: int
 
 
 def summands(term: Term) -> tuple[Term, ...]:

@@ -90,7 +90,7 @@ class _Writer:
 
     def formula(self) -> Formula:
         self._abbreviate()
-        return Formula(self._sum(self.polynomial), tuple(self.where), self.operations)
+        return Formula(self._sum(self.polynomial), tuple(self.where))
 
     # ---- how long it is ---------------------------------------------------------------------------------------
 

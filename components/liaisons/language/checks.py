@@ -229,8 +229,8 @@ def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
 
     :param variables: names and descriptions.
     """
-    reserved = ("input_reconstruction", "symplectic_steps", "stiff_solver", "time", "picture", NEXT_EVENT_TIME)
-    seen: dict[str, str] = dict.fromkeys(reserved, "which every FMU has")
+    reserved = f"input_reconstruction symplectic_steps stiff_solver time picture {NEXT_EVENT_TIME}"
+    seen: dict[str, str] = dict.fromkeys(reserved.split(), "which every FMU has")
     for name, description in variables:
         if name in seen:
             raise ComponentError(

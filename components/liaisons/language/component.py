@@ -3,6 +3,7 @@
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar, Generic, TypeVar, final
 
 import casadi as ca
@@ -23,25 +24,20 @@ from liaisons.language.variables import Experiment, State, Variable
 D = TypeVar("D", bound=Declaration)
 
 
+@cache
+def elements_of(owner: type, kind: type[D]) -> tuple[D, ...]:
+    """Declarations of one kind of a class; for an array, those of its elements."""
+    return tuple(element for item in declarations_of(owner, kind) for element in item.elements(owner))
+
+
 class DeclarationsOf(Generic[D]):
     """Descriptor: all declarations of one kind of a class, base classes first."""
 
     def __init__(self, kind: type[D]) -> None:
         self._kind = kind
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._cached = f"_{name}"
-
     def __get__(self, instance: object, owner: type) -> tuple[D, ...]:
-        declarations = vars(owner).get(self._cached)
-        if declarations is None:
-            declarations = self.find(owner)
-            setattr(owner, self._cached, declarations)
-        return declarations
-
-    def find(self, owner: type) -> tuple[D, ...]:
-        """Declarations of a class; for an array, those of its elements."""
-        return tuple(element for item in declarations_of(owner, self._kind) for element in item.elements(owner))
+        return elements_of(owner, self._kind)
 
 
 class Component(ABC):

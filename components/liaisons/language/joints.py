@@ -161,7 +161,9 @@ class BodyJoint(Declaration[ca.SX]):
         friction: float = 0.0,
     ) -> None:
         super().__init__("1", "joint")
-        self.parent, self.child, self.axis, self.prescribed = parent, child, axis, prescribed
+        self.parent, self.child, self.axis = parent, child, axis
+        endings = tuple(ending.removeprefix("_") for ending, _, _ in self.motions)
+        self.prescribed = endings if prescribed is True else prescribed or ()
         self.at, self.rotation, self.at_child, self.rotation_child = at, rotation, at_child, rotation_child
         self.start, self.start_rate, self.limits, self.restitution = start, start_rate, limits, restitution
         self.stiffness, self.damping, self.friction = stiffness, damping, friction
@@ -177,8 +179,7 @@ class BodyJoint(Declaration[ca.SX]):
 
     def is_prescribed(self, ending: str) -> bool:
         """Whether an operator prescribes the coordinate with this ending."""
-        listed = () if isinstance(self.prescribed, bool) else self.prescribed
-        return self.prescribed is True or ending.removeprefix("_") in listed
+        return ending.removeprefix("_") in self.prescribed
 
     def declarations(self, closes: bool) -> NamedDeclarations:
         """Parameters of the joint's position, and, unless it closes a loop, its coordinates with limits and laws."""
@@ -198,11 +199,10 @@ class BodyJoint(Declaration[ca.SX]):
     def _motion_declarations(self) -> NamedDeclarations:
         """Coordinates of the motions, with the parameters and contacts that act on them."""
         endings = tuple(ending.removeprefix("_") for ending, kind, _ in self.motions if kind != "ball")
-        wrong = [] if isinstance(self.prescribed, bool) else [e for e in self.prescribed if e not in endings]
-        if wrong:
-            self.refuse(f"prescribed = {self.prescribed}: {wrong[0]!r} is none of its coordinates {endings}")
         if self.prescribed and len(endings) < len(self.motions):
             self.refuse("an orientation cannot be prescribed: three Revolute joints with massless bodies between can")
+        for ending in set(self.prescribed).difference(endings):
+            self.refuse(f"prescribed = {self.prescribed}: {ending!r} is none of its coordinates {endings}")
         if self.friction and all(map(self.is_prescribed, endings)):
             self.refuse("friction is against a free coordinate, and all of this joint are prescribed")
         starts, rates = (
@@ -427,11 +427,7 @@ def column(values: Sequence[Any] | ca.SX) -> ca.SX:
 
 def skew(r: ca.SX) -> ca.SX:
     """Matrix of the cross product r × (3, 3); zeros are structural."""
-    matrix = ca.SX(3, 3)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        if r.sparsity().has_nz(k, 0):
-            matrix[i, j], matrix[j, i] = -r[k], r[k]
-    return matrix
+    return ca.sparsify(ca.skew(r))
 
 
 def unit_vector(axis: Any) -> np.ndarray:

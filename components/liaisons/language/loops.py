@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.expressions.algebra import stack
+from liaisons.language.component import elements_of
 from liaisons.language.declarations import constraint, declare
 from liaisons.language.joints import BodyJoint, roll_pitch_yaw_rotation, unit_vector
 
@@ -79,7 +80,7 @@ def close_loops(linkage: Any, closing: Iterable[BodyJoint]) -> None:
     left_out = redundant & _dependent_rows(evaluate(opened)[1])
     for name in (name for i, name in enumerate(conditions) if i in left_out):
         delattr(linkage, name)
-    delattr(linkage, "_constraints")  # what was collected before
+    elements_of.cache_clear()  # they had the conditions that are left out
 
 
 def _conditions(joint: BodyJoint) -> Iterator[tuple[str, constraint]]:

@@ -16,7 +16,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
 from liaisons.language.checks import Formulas, call, components_of, declarations_of, require_units, shapes_of
-from liaisons.language.component import Component, DeclarationsOf
+from liaisons.language.component import Component, DeclarationsOf, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
     ContactFormula,
@@ -44,8 +44,8 @@ _AFFIXES = {"quaternion": ("", ""), "rates": ("", "_dot"), "accelerations": ("",
 class _Actives(DeclarationsOf[ActiveCoordinate]):
     """The active coordinates, those of rheonomic constraints last."""
 
-    def find(self, owner: type) -> tuple[ActiveCoordinate, ...]:
-        return (*super().find(owner), *(item.active for item in declarations_of(owner, rheonomic_constraint)))
+    def __get__(self, instance: object, owner: type) -> tuple[ActiveCoordinate, ...]:
+        return (*super().__get__(instance, owner), *(item.active for item in elements_of(owner, rheonomic_constraint)))
 
 
 class MechanicalComponent(Component, abstract=True):

@@ -113,23 +113,16 @@ class _Reader:
             return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), position)
         if "axisangle" in element.attrib:
             *axis, angle = numbers("axisangle", 4)
-            return Pose(Rotation.from_rotvec(self.unit * angle * self._unit_vector(item, axis)), position)
+            return Pose(Rotation.from_rotvec(self.unit * angle * self.robot.unit_vector(item, axis)), position)
         if "xyaxes" in element.attrib:
             x, y = np.split(numbers("xyaxes", 6), 2)
-            x = self._unit_vector(item, x)
-            y = self._unit_vector(item, y - x * (x @ y))
+            x = self.robot.unit_vector(item, x)
+            y = self.robot.unit_vector(item, y - x * (x @ y))
             return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), position)
         if "zaxis" in element.attrib:
-            return Pose(rotation_onto(self._unit_vector(item, numbers("zaxis", 3))), position)
-        quaternion = self._unit_vector(item, numbers("quat", 4, "1 0 0 0"))
+            return Pose(rotation_onto(self.robot.unit_vector(item, numbers("zaxis", 3))), position)
+        quaternion = self.robot.unit_vector(item, numbers("quat", 4, "1 0 0 0"))
         return Pose(Rotation.from_quat(np.roll(quaternion, -1)), position)
-
-    def _unit_vector(self, item: str, vector: Iterable[float]) -> np.ndarray:
-        column = np.array(vector)
-        length = float(np.linalg.norm(column))
-        if not length:
-            self.robot.refuse(item, f"its orientation has the vector {column.tolist()}; it must have a length")
-        return column / length
 
     def _read_contents(self, element: Element, body: Body, inner: Pose, world: Pose, childclass: str) -> None:
         """Draw the geoms of a body, and declare the bodies in it.
@@ -227,7 +220,7 @@ class _Reader:
         first, last = np.split(self.robot.numbers(item, geom, "fromto", None, 6), 2)
         radius = self.robot.numbers(item, geom, "size", None, 1, 2, 3, minimum=0)[0]
         size = np.array([*[radius] * (count - 1), np.linalg.norm(last - first) / 2])
-        return kind, size, Pose(rotation_onto(self._unit_vector(item, last - first)), (first + last) / 2)
+        return kind, size, Pose(rotation_onto(self.robot.unit_vector(item, last - first)), (first + last) / 2)
 
     def _geom_mass_properties(self, item: str, geom: Element) -> Iterator[MassProperties]:
         """MassProperties of a geom; none for one without mass."""

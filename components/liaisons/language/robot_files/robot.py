@@ -117,10 +117,14 @@ class Robot:
 
     def direction(self, item: str, element: Element, key: str, default: str | None = None) -> np.ndarray:
         """Unit vector (3,) of an attribute."""
-        vector = self.numbers(item, element, key, default, 3)
-        if not vector.any():
-            self.refuse(item, f"{key} = 0 0 0 of <{element.tag}>: it must have a direction")
-        return vector / np.linalg.norm(vector)
+        return self.unit_vector(item, self.numbers(item, element, key, default, 3), f"{key} of <{element.tag}>")
+
+    def unit_vector(self, item: str, vector: Iterable[float], label: str = "its orientation") -> np.ndarray:
+        """Unit vector in the direction of a vector, which may not be 0."""
+        column = np.array(vector)
+        if not column.any():
+            self.refuse(item, f"{label} = {column.tolist()}: it must have a direction")
+        return column / np.linalg.norm(column)
 
     def declare_body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
         """Declare a body, and return it."""
