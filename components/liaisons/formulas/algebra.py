@@ -77,13 +77,13 @@ class Algebra:
         return _sum_of_terms(item for summand in summands for item in summand.items())
 
     def times(self, a: Polynomial, b: Polynomial) -> Polynomial:
-        """Return the product, expanded up to the limit of terms."""
+        """Return the product, expanded unless it has more terms than the limit."""
         if len(a) * len(b) > self.limit:
             a, b = (x if is_number(x) or is_number(y) else self.product_form(x) for x, y in ((a, b), (b, a)))
         return _sum_of_terms((_monomial_product(m, n), c * d) for m, c in a.items() for n, d in b.items())
 
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
-        """Return a power, expanded up to the limit of terms."""
+        """Return a power, expanded unless it has more terms than the limit."""
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
         if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x

@@ -66,24 +66,24 @@ class Chain(MechanicalComponent, abstract=True):
 
     @abstractmethod
     def tip(self) -> Mapping[str, ca.SX]:
-        """Joint of the next link by axis, as expressions of coordinates and joint."""
+        """Joint of the next link by axis, from the coordinates and the joint of this link."""
 
     def base(self) -> Mapping[str, ca.SX] | None:
-        """Joint of the first link as expressions of active coordinates; None: the first link is a free end."""
+        """Joint of the first link by axis, from active coordinates; None for a free end."""
         return None
 
     def bond_energy(self) -> ca.SX:
-        """V of the bond of a link to the previous one or the base; the first link of a free end has none."""
+        """Potential energy of the bond between a link and the one before or the base; none at a free end."""
         return ca.SX(0)
 
     def bond_dissipation(self) -> ca.SX:
-        """D [W] of the bond of a link to the previous one or the base; the first link of a free end has none."""
+        """Dissipation function [W] of the bond between a link and the one before or the base; none at a free end."""
         return ca.SX(0)
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
-        """Total time derivative of an expression of coordinates, joint and their rates."""
+        """Total time derivative of an expression of coordinates, joint and rates."""
         where = ca.vertcat(self.q, self.w, self.s, self.q_dot, self.w_dot, self.s_dot)
         rates = ca.vertcat(self.q_dot, self.w_dot, self.s_dot, self.q_ddot, self.w_ddot, self.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
@@ -91,7 +91,7 @@ class Chain(MechanicalComponent, abstract=True):
     # ---- derived -------------------------------------------------------------------------
 
     def joint_column(self, components: Mapping[str, ca.SX]) -> ca.SX:
-        """Column of a tip or base, (d, 1)."""
+        """Column (d, 1) of a tip or base, in the order of the axes."""
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:

@@ -47,7 +47,7 @@ class Values:
         return self._values[name] if name in self._values else _start_value(self._variable(name))
 
     def array(self, *names: str) -> NDArray:
-        """The values of several variables, shape (n,)."""
+        """Values of several variables as an array (n,)."""
         return np.array([getattr(self, name) for name in names])
 
     def require(self, holds: object, message: str) -> None:

@@ -60,7 +60,7 @@ def _check_bounds(m: MechanicalComponent, formulas: Formulas, item: dry_friction
 
 
 def _bound(m: MechanicalComponent, formulas: Formulas, item: Declaration, name: str, unit: str) -> float:
-    """A threshold of dry friction for the default parameters."""
+    """Value of a bound of dry friction for the default parameters, which may not be negative."""
     declared = {p.name: p for p in m.parameters}
     if not isinstance(name, str) or not (name in declared or hasattr(type(m), name)):
         more = suggestion(name if isinstance(name, str) else "", declared)

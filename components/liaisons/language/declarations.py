@@ -75,7 +75,7 @@ class Declaration(ABC, Generic[T]):
 
     @abstractmethod
     def value_in(self, instance: Any) -> T:
-        """Symbol or expression in an instance of the component."""
+        """Value on an instance of the component: a symbol or an expression."""
 
     def extent(self, owner: type) -> Dimension | None:
         """Number of elements of an array in a mechanism; None for a scalar."""
@@ -401,7 +401,7 @@ class Attitude:
 
     @property
     def matrix(self) -> ca.SX:
-        """Rotation matrix, body to inertial frame, (3, 3); of a unit quaternion."""
+        """Rotation matrix (3, 3) from body to inertial frame, if the quaternion has unit length."""
         w, x, y, z = ca.vertsplit(self.quaternion)
         return ca.vertcat(
             ca.horzcat(1 - 2 * (y**2 + z**2), 2 * (x * y - w * z), 2 * (x * z + w * y)),

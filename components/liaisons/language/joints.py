@@ -178,7 +178,7 @@ class BodyJoint(Declaration[ca.SX]):
         return ca.vertcat(*(instance.symbols[f"{self.name}{end}"] for end, kind, _ in self.motions if kind != "ball"))
 
     def is_prescribed(self, ending: str) -> bool:
-        """Whether an operator prescribes the coordinate with this ending."""
+        """Whether an operator prescribes the coordinate whose name has this ending."""
         return ending.removeprefix("_") in self.prescribed
 
     def declarations(self, closes: bool) -> NamedDeclarations:
@@ -209,7 +209,7 @@ class BodyJoint(Declaration[ca.SX]):
             finite_numbers(self, name, [x] * len(endings) if isinstance(x, (int, float)) else x, len(endings))
             for name, x in (("start", self.start), ("start_rate", self.start_rate))
         )
-        low, high = self._checked_limits()
+        low, high = self._checked_limits() if self.limits is not None else (None, None)
         yield from self._law_parameters()
         for i, (ending, kind, _) in enumerate(self.motions):
             text = f"{'orientation' if kind == 'ball' else kind} of {self.child.name} against {self.parent.name}"
@@ -226,6 +226,15 @@ class BodyJoint(Declaration[ca.SX]):
                     slip = dry_friction(f"{unit}/s", f"slip of {name}", static=f"{self.name}_friction")
                     yield f"{name}_slip", slip(partial(_rate_of, name=name))
 
+    def _checked_limits(self) -> list[float]:
+        """Lowest and highest value of the one coordinate."""
+        limits = finite_numbers(self, "limits", self.limits, 2)
+        if len(self.motions) != 1 or self.motions[0][1] == "ball":
+            self.refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
+        if limits[0] >= limits[1]:
+            self.refuse(f"limits = {self.limits}: the lower one comes first")
+        return limits
+
     def _law_parameters(self) -> NamedDeclarations:
         """Parameters of stiffness, damping and dry friction."""
         kinds = {kind for _, kind, _ in self.motions}
@@ -240,16 +249,6 @@ class BodyJoint(Declaration[ca.SX]):
             if number < 0:
                 self.refuse(f"{name} = {number:g}: it must be >= 0")
             yield f"{self.name}_{name}", Parameter(number, unit, f"{name} of {self.name}", minimum=0)
-
-    def _checked_limits(self) -> tuple[float | None, float | None]:
-        if self.limits is None:
-            return None, None
-        low, high = finite_numbers(self, "limits", self.limits, 2)
-        if len(self.motions) != 1 or self.motions[0][1] == "ball":
-            self.refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
-        if low >= high:
-            self.refuse(f"limits = {self.limits}: the lower one comes first")
-        return low, high
 
     def frames(self, m: Any, parent: int, count: int, rows: Mapping[str, list[int]]) -> Iterator[Frame]:
         """Frames that the motions move, one each, from the first body to the second; that of a weld is fixed.

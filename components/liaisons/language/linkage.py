@@ -224,6 +224,7 @@ class Linkage(Mechanism, abstract=True):
         )
 
     def _gravity_potential(self) -> ca.SX:
+        """Potential energy of the weights."""
         bodies = [frame.body for frame in self.frames if frame.body]
         moments = (
             self.parameter_or_zero(f"{body.name}_mass") * self.attached(body, f"{body.name}_centre") for body in bodies
@@ -231,6 +232,7 @@ class Linkage(Mechanism, abstract=True):
         return -ca.dot(self.gravity_vector(), sum(moments, ca.SX(3, 1)))
 
     def _body_frame(self, frame: Frame) -> BodyFrame:
+        """Symbols of a frame, from those of its parent."""
         parent = self._body_frames[frame.parent]
         rates = (self.active.s_dot if frame.prescribed else self.free.q_dot)[frame.rows, 0]
         own = frame.axes @ rates

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -19,7 +19,6 @@ from liaisons.language.checks import Formulas, call, components_of, declarations
 from liaisons.language.component import Component, DeclarationsOf, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
-    ContactFormula,
     Coordinate,
     Declaration,
     Friction,
@@ -68,10 +67,10 @@ class MechanicalComponent(Component, abstract=True):
 
     @abstractmethod
     def kinetic_energy(self) -> ca.SX:
-        """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
+        """Kinetic energy T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero by default."""
+        """Potential energy V of the configuration; zero by default."""
         return ca.SX(0)
 
     def friction_coefficient(self) -> ca.SX:
@@ -79,7 +78,7 @@ class MechanicalComponent(Component, abstract=True):
         return ca.SX(sum(self.symbols[p.name] for p in self.parameters if isinstance(p, Friction)))
 
     def dissipation_function(self) -> ca.SX:
-        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero by default.
+        """Dissipation function D [W] after Rayleigh, Q = −∂D/∂q̇; zero by default.
 
         That of a damper c at the relative velocity v is D = c v²/2.
         """
@@ -90,11 +89,11 @@ class MechanicalComponent(Component, abstract=True):
         """Total time derivative of an expression of the configuration and its rates; of any shape."""
 
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
-        """``|ṙ|²`` of a point given by its Cartesian components."""
+        """Squared speed ``|ṙ|²`` of a point with these Cartesian components."""
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def picture(self) -> Shapes:
-        """Shapes between its points; of a chain those of the ``self.number``-th link."""
+        """Shapes of the picture, between named points; in a chain, those of the link ``self.number``."""
         return [Ball(getattr(self, item.name)) for item in self.points]
 
     def point_components(self) -> dict[str, ca.SX]:
@@ -128,7 +127,7 @@ class MechanicalComponent(Component, abstract=True):
         return (*self.unilaterals, *self.dry_frictions)
 
     def expression_of(self, item: Declaration) -> ca.SX:
-        """Expression of a declaration, or of an element of an array."""
+        """Expression of a declaration, which may be an element of an array."""
         return ca.SX(getattr(self, item.name))
 
     def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
@@ -288,36 +287,31 @@ class MechanicalComponent(Component, abstract=True):
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _contact_outputs(self) -> Iterator[Variable]:
-        """Outputs of unilateral liaisons and dry friction."""
-        for item in self.unilaterals:
-            readable, at_events = self._contact_output_makers(item)
-            name, of, momentum = item.name, partial(suffixed, item.name), units.momentum(item.unit)
-            yield readable(name, item.unit, item.description)
-            yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
-            yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
-            yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
-            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
-            text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
-            yield at_events(of("_impacts"), "1", text, type="Integer")
-            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", causality="local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
-        for item in self.dry_frictions:
-            readable, at_events = self._contact_output_makers(item)
+        """Outputs of unilateral liaisons and dry friction; in a chain, arrays over the links."""
+        for item in self.contact_formulas:
+            size = None if item.last else self.dimension
+            readable, at_events = (partial(make, dimension=size) for make in (layout.readable, layout.event_output))
             name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
-            yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
-            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
+            if isinstance(item, unilateral):
+                yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
+                yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
+                text = f"sum of the impulses of impacts at {name}"
+                yield at_events(of("_impulse"), units.momentum(item.unit), text)
+                yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
+                text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
+                yield at_events(of("_impacts"), "1", text, type="Integer")
+                text = f"when the bounces of {name} end, or have ended"
+                yield at_events(of("_rests_from"), "s", text, causality="local")
+            else:
+                yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
+                yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
+                yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)
-
-    def _contact_output_makers(self, item: ContactFormula) -> tuple[Callable[..., Variable], Callable[..., Variable]]:
-        """Functions that make a continuous and a discrete output of a contact; in a chain, an array over the links."""
-        size = None if item.last else self.dimension
-        return partial(layout.readable, dimension=size), partial(layout.event_output, dimension=size)
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):

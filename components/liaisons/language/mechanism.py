@@ -123,17 +123,17 @@ class Mechanism(MechanicalComponent, abstract=True):
     # ---- defined by components -----------------------------------------------------------------------------
 
     def kinetic_energy(self) -> ca.SX:
-        """T, quadratic in the rates (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
+        """Kinetic energy T (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
         rates, L = _rates(self), self.lagrangian()
         return ca.jtimes(L, rates, rates) - L - self.potential_energy()
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero by default, of a mechanism that defines its Lagrangian alone −L at rest."""
+        """Potential energy V; zero by default, or −L at rest where only the Lagrangian is defined."""
         rates = _rates(self)
         return ca.SX(0) if self.has_energies() else -ca.substitute(self.lagrangian(), rates, ca.SX.zeros(rates.shape))
 
     def lagrangian(self) -> ca.SX:
-        """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24), or energies follow from it.
+        """Lagrangian L = T − V (K eq. 18); override it for forces that depend on the velocity (K eq. 24).
 
         :raises ComponentError: if neither it nor :meth:`kinetic_energy` is defined.
         """

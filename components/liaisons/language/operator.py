@@ -57,7 +57,7 @@ class Operator(SignalComponent, abstract=True):
 
     @abstractmethod
     def signal(self, t: ca.SX) -> ca.SX:
-        """y as an expression of time, the parameters and the internal states."""
+        """Signal y as an expression of time, parameters and internal states."""
 
     def interval(self, t: ca.SX, *columns: str, rests: bool = False) -> tuple[list[ca.SX], list[ca.SX]]:
         """Values of these columns of the table at the begin and at the end of its interval that contains t.
@@ -150,7 +150,7 @@ class Operator(SignalComponent, abstract=True):
                 )
 
     def triple(self) -> list[ca.SX]:
-        """y and its derivatives along the motion of the internal states."""
+        """Signal y and its first two derivatives, along the motion of the internal states."""
         rates, triple = self.internal_rate_column(), [ca.SX(self.signal(self.clock))]
         for _ in range(2):
             y = triple[-1]
@@ -168,6 +168,6 @@ class Operator(SignalComponent, abstract=True):
 
     @final
     def first_after(self, instants: Iterable[ca.SX]) -> ca.SX:
-        """First of some instants after ``clock`` [s]; the greatest double if there is none."""
+        """Earliest of these instants after ``clock`` [s]; the greatest double if there is none."""
         after = [ca.if_else(instant > self.clock, instant, sys.float_info.max) for instant in instants]
         return reduce(ca.fmin, after, ca.SX(sys.float_info.max))

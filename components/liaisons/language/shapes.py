@@ -159,7 +159,7 @@ _AXES = ("x", "y", "z")
 
 
 def turned(axis: Literal["x", "y", "z"], angle: Number) -> ca.SX:
-    """Rotation matrix (3, 3) of a turn by an angle [rad] about an axis, by the right-hand rule."""
+    """Rotation matrix (3, 3) by an angle [rad] about an axis, after the right-hand rule."""
     c, s, i = ca.cos(angle), ca.sin(angle), _AXES.index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
     matrix = ca.SX.eye(3)

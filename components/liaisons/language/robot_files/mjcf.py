@@ -31,7 +31,7 @@ _DENSITY = "1000"  # [kg/m3] of a geom without mass
 
 
 def read_mjcf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
-    """The robot of an MJCF file.
+    """Bodies, joints and shapes of an MJCF file.
 
     :raises ComponentError: for a file with a wrong value, or with what would move the bodies in another manner.
     """
@@ -62,7 +62,7 @@ class _Reader:
         self.bodies: dict[str, tuple[Body, Pose, Pose]] = {"world": (ground, Pose(), Pose())}
 
     def read(self) -> None:
-        """Declare bodies and joints, and the joints that close loops."""
+        """Declare the bodies and joints of the document, and the joints that close loops."""
         robot = self.robot
         for tag in _REFUSED:
             if robot.document.find(f".//{tag}") is not None:
@@ -139,6 +139,7 @@ class _Reader:
                 self.robot.ignored[f"<{child.tag}>"] += 1
 
     def _read_body(self, element: Element, parent: Body, inner: Pose, world: Pose, childclass: str) -> None:
+        """Declare the body of an element, its joints, and what it contains."""
         robot, name = self.robot, element.get("name") or f"body_{len(self.bodies)}"
         item, childclass = f"body {shown(name)}", element.get("childclass", childclass)
         if name in self.bodies:
@@ -172,6 +173,10 @@ class _Reader:
         self._read_contents(element, body, Pose().relative_to(last), world, childclass)
 
     def _read_joint(self, name: str, element: Element, ends: tuple[Body, Body], pose: Pose) -> None:
+        """Declare the joint of an element between two bodies.
+
+        :param pose: of the joint in the first body.
+        """
         robot, item, kind = self.robot, f"joint {shown(name)}", _joint_type(element)
         if kind == "fixed":
             robot.declare_joint(Weld, name, ends, pose)
@@ -236,6 +241,7 @@ class _Reader:
         yield MassProperties(mass, pose.origin, pose.rotated_tensor(mass * np.diag(sum(squares) - np.array(squares))))
 
     def _add_shape(self, item: str, geom: Element, body: Body, inner: Pose) -> None:
+        """Add a geom to the picture of a body, or note that it is left out."""
         kind, size, pose = self._geometry(item, geom)
         if kind not in _SOLIDS:
             self.robot.ignored[f"<geom> of type {kind}"] += 1

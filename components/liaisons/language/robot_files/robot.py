@@ -82,12 +82,12 @@ class Robot:
 
     @property
     def name(self) -> str:
-        """Identifier of the document's name, or of the file's."""
+        """Identifier made of the document's name, else of the file's."""
         name = self.document.get("name") or self.document.get("model") or ""
         return identifier(name) or identifier(self.path.stem) or "Robot"
 
     def refuse(self, item: str, why: str) -> NoReturn:
-        """Raise a ComponentError about a link or joint."""
+        """Raise a ComponentError about an item of the file."""
         raise ComponentError(f"{self.path}: {item}: {why}")
 
     def numbers(

@@ -39,7 +39,7 @@ _READ = [
 
 
 def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
-    """The robot of a URDF file; its root link is the ground.
+    """Bodies, joints and shapes of a URDF file, whose root link is the ground.
 
     :raises ComponentError: for a file that is no tree of links, or has a value that no robot has.
     """
@@ -80,6 +80,7 @@ def _elements_by_name(robot: Robot, tag: str) -> dict[str, Element]:
 
 
 def _link_names(robot: Robot, name: str, element: Element, links: dict[str, Element]) -> list[str]:
+    """Names of the parent and child links of a joint."""
     item = f"joint {shown(name)}"
     if element.find("mimic") is not None:
         robot.refuse(item, "it mimics another joint, which a linkage cannot; delete <mimic>, or fix the joint")
@@ -107,6 +108,7 @@ def _declare_body(robot: Robot, name: str, link: Element) -> Body:
 
 
 def _add_shapes(robot: Robot, item: str, body: Body, link: Element) -> None:
+    """Add the visuals of a link to the picture of its body."""
     for visual in link.findall("visual"):
         for shape in _child_or_empty(visual, "geometry"):
             if shape.tag not in _SHAPES:
@@ -120,6 +122,7 @@ def _add_shapes(robot: Robot, item: str, body: Body, link: Element) -> None:
 
 
 def _declare_joint(robot: Robot, name: str, element: Element, ends: tuple[Body, Body]) -> None:
+    """Declare a joint; a planar one by three, with the frame turned into its plane and back."""
     item, word = f"joint {shown(name)}", element.get("type", "")
     if word not in _JOINTS:
         robot.refuse(item, f"type = {shown(word)}: no joint of URDF{suggestion(word, _JOINTS)}")
