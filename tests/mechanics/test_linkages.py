@@ -210,11 +210,11 @@ def test_screw_advances_by_its_pitch_in_one_revolution() -> None:
 # ---- loops -----------------------------------------------------------------------------------------------------------
 
 
-def parallelogram(**pin: Any) -> type[Linkage]:
+def parallelogram(driven: bool = False, **pin: Any) -> type[Linkage]:
     crank, coupler, rocker = Body(**ROD), Body(**ROD), Body(**ROD)
     options: dict[str, Any] = {"at": (1, 0, 0), "at_child": (1, 0, 0)} | pin
     joints = {
-        "turn": Revolute(ground, crank, axis="y", start=-1.0),
+        "turn": Revolute(ground, crank, axis="y", start=-1.0, prescribed=driven),
         "elbow": Revolute(crank, coupler, axis="y", at=(1, 0, 0), start=1.0),
         "swing": Revolute(ground, rocker, axis="y", at=(1, 0, 0), start=-1.0),
         "pin": Revolute(coupler, rocker, axis="y", **options),
@@ -241,10 +241,13 @@ def test_loop_moves_as_its_reduced_equation_says(tmp_path: Path) -> None:
     assert np.abs(result["energy_balance"]).max() <= 1e-9
 
 
-def test_start_values_of_a_loop_are_moved_onto_its_conditions() -> None:
-    swing = {q.name: q.start for q in parallelogram(at_child=(1.1, 0, 0)).coordinates}
-    tip = np.exp(-1j * swing["turn"]) + np.exp(-1j * (swing["turn"] + swing["elbow"]))
-    assert 1 + 1.1 * np.exp(-1j * swing["swing"]) == pytest.approx(tip, abs=1e-12)
+@pytest.mark.parametrize("driven", [False, True])
+def test_start_values_of_a_loop_are_moved_onto_its_conditions(driven: bool) -> None:
+    """Those of free coordinates: what an operator prescribes stays."""
+    tree = parallelogram(driven, at_child=(1.1, 0, 0))
+    start = {q.name: q.start for q in (*tree.coordinates, *tree.actives)}
+    tip = np.exp(-1j * start["turn"]) + np.exp(-1j * (start["turn"] + start["elbow"]))
+    assert 1 + 1.1 * np.exp(-1j * start["swing"]) == pytest.approx(tip, abs=1e-12)
 
 
 # ---- forces, limits, wheels ------------------------------------------------------------------------------------------
