@@ -409,7 +409,7 @@ def test_open_loop_at_the_start_of_a_simulation_is_refused(tmp_path: Path) -> No
 
 def test_each_spherical_joint_has_angular_accelerations_of_its_own() -> None:
     """Outputs of FMUs, which were 0, and variables of Modelica text, which were those of one joint."""
-    one, two = (Body(**ROD | {"inertia": (0.1, 0.2, 0.25)}) for _ in range(2))
+    one, two = (Body(2.0, (0.1, 0.2, 0.25), (0.5, 0.0, 0.0)) for _ in range(2))
     members = {"one": one, "two": two, "j": Spherical(ground, one), "k": Spherical(one, two, at=(1, 0, 0))}
     hung = type("Hung", (Linkage,), members)
     names = [f"{joint}_omega_{axis}" for joint in "jk" for axis in "xyz"]
