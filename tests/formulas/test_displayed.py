@@ -313,7 +313,7 @@ def test_numbers_of_sympy_are_those_of_the_fmu_on_the_constraints() -> None:
 def test_functions_have_their_names_in_sympy(function: str, arguments: tuple[float, ...], value: float) -> None:
     pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
     names = tuple(Name(f"x_{i}") for i in range(len(arguments)))
-    written = expression(Formula(Application(function, names), (), 1))
+    written = expression(Formula(Application(function, names), ()))
     assert float(written.subs({s: arguments[int(str(s)[2:])] for s in written.free_symbols})) == value
 
 

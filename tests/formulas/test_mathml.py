@@ -175,7 +175,9 @@ def test_names_become_letters_dots_and_subscripts() -> None:
 
 def test_laws_are_shown_as_they_are_written() -> None:
     for law in LAWS.values():
-        shown = "".join(text for element in parsed(law.written(MathML(Notation([])))) for text in element.itertext())
+        shown = "".join(
+            text for element in parsed(law.printed_formula(MathML(Notation([])))) for text in element.itertext()
+        )
         assert shown == re.sub(r"[ _^/]", "", law.formula)
 
 

@@ -71,14 +71,14 @@ def by_differentiation(tree: type[Linkage]) -> type[Linkage]:
             if not isinstance(item, Body):
                 continue
             frame = m.frame_of(item)
-            centre = frame.position(m.vector(f"{item.name}_centre"))
+            centre = frame.position(m.parameter_vector(f"{item.name}_centre"))
             W = frame.matrix.T @ m.dot(frame.matrix)
             omega = ca.vertcat(W[2, 1], W[0, 2], W[1, 0])
             inertia = ca.SX(3, 3)
             for name in ("xx", "yy", "zz", "xy", "xz", "yz"):
                 i, j = ("xyz".index(axis) for axis in name)
-                inertia[i, j] = inertia[j, i] = m.number(f"{item.name}_inertia_{name}")
-            total += m.number(f"{item.name}_mass") * ca.sumsqr(m.dot(centre)) / 2
+                inertia[i, j] = inertia[j, i] = m.parameter_or_zero(f"{item.name}_inertia_{name}")
+            total += m.parameter_or_zero(f"{item.name}_mass") * ca.sumsqr(m.dot(centre)) / 2
             total += ca.dot(omega, inertia @ omega) / 2
         return total
 

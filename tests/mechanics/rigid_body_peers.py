@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from liaisons import Body, Linkage, ground
-from liaisons.language.joints import MOMENTS, BodyJoint, direction
+from liaisons.language.joints import MOMENTS, BodyJoint, unit_vector
 
 State = Mapping[str, float]
 """Coordinates, quaternions and their rates, by their names in an FMU."""
@@ -98,7 +98,7 @@ class Pinocchio:
             parent, pose = frames[joint.parent.name]
             pose = pose * pin.SE3(Rotation.from_euler("xyz", joint.rotation).as_matrix(), np.array(joint.at, float))
             for ending, kind, axis in joint.motions:
-                along = direction(axis or joint.axis)
+                along = unit_vector(axis or joint.axis)
                 if kind == "ball":
                     motion = pin.JointModelSpherical()
                 elif pitch := getattr(joint, "pitch", 0.0):
@@ -165,7 +165,7 @@ class Mujoco:
             body = bodies[joint.parent.name].add_body(name=joint.child.name, pos=joint.at, quat=turn)
             bodies[joint.child.name] = body
             for ending, kind, axis in joint.motions:
-                body.add_joint(name=f"{joint.name}{ending}", type=kinds[kind], axis=direction(axis or joint.axis))
+                body.add_joint(name=f"{joint.name}{ending}", type=kinds[kind], axis=unit_vector(axis or joint.axis))
             moments, axes = np.linalg.eigh(inertia_of(joint.child))
             axes[:, 0] *= np.linalg.det(axes)
             body.mass, body.ipos, body.inertia = joint.child.mass, joint.child.centre, moments

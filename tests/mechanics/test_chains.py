@@ -199,7 +199,7 @@ def test_code_does_not_grow_with_the_chain(component: type[Chain]) -> None:
 
 @pytest.mark.parametrize("n", [0, 1, -3, 2.5, 10.0, "10", True, float("nan")])
 def test_sizes_that_are_refused(n: object) -> None:
-    with pytest.raises(ComponentError, match=re.escape(f"PendulumChain: n = {n!r}") + ".*whole number >= 2"):
+    with pytest.raises(ComponentError, match=re.escape(f"PendulumChain: n = {n!r}") + ": give a whole number"):
         assemble(PendulumChain, n)
 
 

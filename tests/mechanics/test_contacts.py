@@ -644,11 +644,11 @@ def test_contacts_beside_a_chain(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"size": "n - 1"}, r"Wrong.slip returns .*: it must be a column of n - 1 = 2 elements"),
-        ({"size": "n", "static": "few"}, r"Wrong.slip\[3\] is bounded by 'few\[3\]', which is no parameter"),
+        ({"size": "n - 1"}, r"Wrong.slip: returns .*: it must be a column of n - 1 = 2 elements"),
+        ({"size": "n", "static": "few"}, r"Wrong.slip\[3\]: is bounded by 'few\[3\]', which is no parameter"),
         (
             {"size": "n", "static": "few", "normal": "gap"},
-            r"Wrong.slip\[3\] takes the force of normal = 'gap\[3\]': na",
+            r"Wrong.slip\[3\]: takes the force of normal = 'gap\[3\]': na",
         ),
     ],
 )
@@ -711,7 +711,7 @@ def test_long_chains_beside_contacts_are_refused() -> None:
         ),
         (
             {"slip": dry_friction("m/s", "slip", static="mu", normal="gap")(lambda m: m.dot(m.u))},
-            "Wrong.slip and normal = 'gap' are of different links; let both have last=True, or neither",
+            "Wrong.slip: it and normal = 'gap' are of different links; let both have last=True, or neither",
         ),
         ({"gap": unilateral("m", "gap", size="n")(lambda m: m.u)}, "Wrong.gap: size = 'n': a Chain describes one link"),
     ],
@@ -722,5 +722,5 @@ def test_contacts_of_chains_that_do_not_fit_are_refused(members: dict[str, Any],
 
 
 def test_the_last_link_is_of_a_chain() -> None:
-    with pytest.raises(ComponentError, match=r"^Wrong.gap has last=True, which is of a Chain; leave it out$"):
+    with pytest.raises(ComponentError, match=r"^Wrong.gap: has last=True, which is of a Chain; leave it out$"):
         type("Wrong", (Bumper,), {"gap": unilateral("m", "gap", last=True)(lambda m: m.x)})

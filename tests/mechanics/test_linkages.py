@@ -25,10 +25,12 @@ from liaisons import (
     SpringDamper,
     System,
     Universal,
+    assemble,
     build,
     derive,
     flatten,
     ground,
+    modelica,
     non_holonomic,
     operator,
     simulate,
@@ -208,11 +210,11 @@ def test_screw_advances_by_its_pitch_in_one_revolution() -> None:
 # ---- loops -----------------------------------------------------------------------------------------------------------
 
 
-def parallelogram(**pin: Any) -> type[Linkage]:
+def parallelogram(driven: bool = False, **pin: Any) -> type[Linkage]:
     crank, coupler, rocker = Body(**ROD), Body(**ROD), Body(**ROD)
     options: dict[str, Any] = {"at": (1, 0, 0), "at_child": (1, 0, 0)} | pin
     joints = {
-        "turn": Revolute(ground, crank, axis="y", start=-1.0),
+        "turn": Revolute(ground, crank, axis="y", start=-1.0, prescribed=driven),
         "elbow": Revolute(crank, coupler, axis="y", at=(1, 0, 0), start=1.0),
         "swing": Revolute(ground, rocker, axis="y", at=(1, 0, 0), start=-1.0),
         "pin": Revolute(coupler, rocker, axis="y", **options),
@@ -239,10 +241,13 @@ def test_loop_moves_as_its_reduced_equation_says(tmp_path: Path) -> None:
     assert np.abs(result["energy_balance"]).max() <= 1e-9
 
 
-def test_start_values_of_a_loop_are_moved_onto_its_conditions() -> None:
-    swing = {q.name: q.start for q in parallelogram(at_child=(1.1, 0, 0)).coordinates}
-    tip = np.exp(-1j * swing["turn"]) + np.exp(-1j * (swing["turn"] + swing["elbow"]))
-    assert 1 + 1.1 * np.exp(-1j * swing["swing"]) == pytest.approx(tip, abs=1e-12)
+@pytest.mark.parametrize("driven", [False, True])
+def test_start_values_of_a_loop_are_moved_onto_its_conditions(driven: bool) -> None:
+    """Those of free coordinates: what an operator prescribes stays."""
+    tree = parallelogram(driven, at_child=(1.1, 0, 0))
+    start = {q.name: q.start for q in (*tree.coordinates, *tree.actives)}
+    tip = np.exp(-1j * start["turn"]) + np.exp(-1j * (start["turn"] + start["elbow"]))
+    assert 1 + 1.1 * np.exp(-1j * start["swing"]) == pytest.approx(tip, abs=1e-12)
 
 
 # ---- forces, limits, wheels ------------------------------------------------------------------------------------------
@@ -400,3 +405,25 @@ def test_unknown_argument_of_a_joint_shows_how_it_is_written() -> None:
 def test_open_loop_at_the_start_of_a_simulation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match=r"pin_offset_.* must be kept to 1e-06 m"):
         simulate(build(parallelogram(), tmp_path), stop_time=0.1, elbow_0=1.5)
+
+
+def test_each_spherical_joint_has_angular_accelerations_of_its_own() -> None:
+    """Outputs of FMUs, which were 0, and variables of Modelica text, which were those of one joint."""
+    one, two = (Body(2.0, (0.1, 0.2, 0.25), (0.5, 0.0, 0.0)) for _ in range(2))
+    members = {"one": one, "two": two, "j": Spherical(ground, one), "k": Spherical(one, two, at=(1, 0, 0))}
+    hung = type("Hung", (Linkage,), members)
+    names = [f"{joint}_omega_{axis}" for joint in "jk" for axis in "xyz"]
+    words = re.findall(r"\w*omega_[xyz]_dot\b", modelica(hung))
+    assert set(words) == {f"{name}_dot" for name in names}
+    model = assemble(hung)
+    start = {f"{name}_0": 0.3 * i - 0.5 for i, name in enumerate(names)}
+    k = [start.get(v.name, v.starts[0]) for v in model.parameters]
+    u, m, outputs = np.zeros(len(model.inputs)), np.zeros(len(model.memory)), [v.name for v in model.outputs]
+    y = ca.SX.sym("y", model.derivatives.size1_out(0))
+    z = model.outputs_function(0, y, u, k, m)
+    rate = ca.jtimes(z, y, model.derivatives(0, y, u, k))
+    both = ca.Function("both", [y], [z, rate])(model.start(0, u, k)[0])
+    for name in names:
+        angular_acceleration, expected = both[0][outputs.index(f"{name}_dot")], both[1][outputs.index(name)]
+        assert abs(float(expected)) > 1e-3
+        assert float(angular_acceleration) == pytest.approx(float(expected), rel=1e-9)

@@ -323,7 +323,9 @@ def test_start_by_momentum_and_by_rate_are_the_same() -> None:
 
 
 def test_a_mechanism_has_one_orientation_at_most() -> None:
-    with pytest.raises(ComponentError, match="Twins: declare one Orientation at most"):
+    with pytest.raises(
+        ComponentError, match="Twins: variables of two orientations have the same names; give each a prefix"
+    ):
 
         class Twins(Mechanism):
             first = Orientation("one")

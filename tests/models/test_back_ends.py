@@ -44,7 +44,8 @@ def apart(component: type[Mechanism], count: int) -> list[State]:
             continue
         state.update(dict.fromkeys(map(str, ca.vertsplit(m.contact_forces)), 0.0))
         for item in component.dry_frictions:
-            state[f"{item.name}_force"] = -np.sign(state(getattr(m, item.name))) * state(m.threshold(item.sliding))
+            bound = state(m.contact_coefficient(item.sliding))
+            state[f"{item.name}_force"] = -np.sign(state(getattr(m, item.name))) * bound
         found.append(state)
     assert len(found) >= count
     return found[:count]

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.language.chain import Chain
-from liaisons.language.checks import scalar
+from liaisons.language.checks import checked_scalar
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
@@ -100,7 +100,7 @@ def observable(source: Source, formula: Formula) -> Quantity:
     """
     equations = equations_of(source)
     owner = type(equations.mechanism)
-    expression = scalar(owner, "observable", formula(equations.mechanism), equations.symbols)
+    expression = checked_scalar(owner, "observable", formula(equations.mechanism), equations.symbols)
     expression = equations.in_phase_space(expression)
     if ca.depends_on(expression, equations.mechanism.contact_forces):
         require_no_contacts(equations, "an observable that contains forces")

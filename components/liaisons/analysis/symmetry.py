@@ -29,7 +29,7 @@ from liaisons.analysis.quantity import (
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
-from liaisons.language.checks import scalar
+from liaisons.language.checks import checked_scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations
 
@@ -84,7 +84,9 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
         name: _checked_components(owner, name, components.get(name, (0.0,) * size), size)
         for name, size in sizes.items()
     }
-    xi = stack(scalar(type(m), f"noether[{name!r}]", part, symbols) for name, parts in shifts.items() for part in parts)
+    xi = stack(
+        checked_scalar(type(m), f"noether[{name!r}]", part, symbols) for name, parts in shifts.items() for part in parts
+    )
     p, G, slope = (
         m.free.frame @ equations.momenta,
         generator_matrix(equations),

@@ -1,7 +1,7 @@
 """Equations as people write them: expressions as trees of terms, and their printers."""
 
 from liaisons.formulas.displayed import DisplayedEquations, of_component, of_model
-from liaisons.formulas.laws import LAWS, Law
+from liaisons.formulas.laws import LAWS
 from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.terms import Formula, Term
@@ -11,7 +11,6 @@ __all__ = [
     "LAWS",
     "DisplayedEquations",
     "Formula",
-    "Law",
     "MathML",
     "Notation",
     "Term",

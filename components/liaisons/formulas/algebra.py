@@ -63,7 +63,7 @@ class Algebra:
         return self.atom(SYMBOL, name=name)
 
     def _atom_index(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
-        """Return the index of an atom, which is added unless there is an equal one."""
+        """Return the index of an atom; one that is new is added."""
         key = (operation, name, *(tuple(sorted(argument.items())) for argument in arguments))
         if key not in self._indices:
             self._indices[key] = len(self.atoms)
@@ -77,23 +77,23 @@ class Algebra:
         return _sum_of_terms(item for summand in summands for item in summand.items())
 
     def times(self, a: Polynomial, b: Polynomial) -> Polynomial:
-        """Return the product, expanded up to the limit of terms."""
+        """Return the product, expanded unless it has more terms than the limit."""
         if len(a) * len(b) > self.limit:
-            a, b = (x if is_number(x) or is_number(y) else self.grouped(x) for x, y in ((a, b), (b, a)))
+            a, b = (x if is_number(x) or is_number(y) else self.product_form(x) for x, y in ((a, b), (b, a)))
         return _sum_of_terms((_monomial_product(m, n), c * d) for m, c in a.items() for n, d in b.items())
 
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
-        """Return a power, expanded up to the limit of terms."""
+        """Return a power, expanded unless it has more terms than the limit."""
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
         if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x
-            index = single_atom(base)
+            index = single_atom_index(base)
             return {((self._atom_index(GROUP, [base]) if index is None else index, exponent),): ONE}
         if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
             return reduce(self.times, [base] * int(exponent))
-        return {_monomial_power(m, exponent): c**exponent for m, c in self.grouped(base).items()}
+        return {_monomial_power(m, exponent): c**exponent for m, c in self.product_form(base).items()}
 
-    def grouped(self, p: Polynomial) -> Polynomial:
+    def product_form(self, p: Polynomial) -> Polynomial:
         """Return a sum as one product: the common factor of its terms times the rest in brackets."""
         if len(p) < 2:
             return p
@@ -101,13 +101,13 @@ class Algebra:
         rest = self.simplified(rest)
         return self.times(common, rest if len(rest) < 2 else self.atom(GROUP, rest))
 
-    def collected(self, p: Polynomial) -> Polynomial:
-        """Return the sum with common factors put before brackets, the most frequent one first."""
+    def nested_form(self, p: Polynomial) -> Polynomial:
+        """Return the sum with common factors before brackets, which nest; the most frequent factor comes first."""
         if len(p) < 2:
             return p
         common, rest = common_factor(p)
         if common.keys() != {()}:
-            rest = self.collected(rest)
+            rest = self.nested_form(rest)
             return self.times(common, rest if len(rest) == 1 else self.atom(GROUP, rest))
         uses = Counter(factor for monomial in p for factor in monomial)
         if not uses or (most := max(uses.values())) < 2:
@@ -115,12 +115,12 @@ class Algebra:
         most_frequent = min(factor for factor, count in uses.items() if count == most)
         shared = {m: c for m, c in p.items() if most_frequent in m}
         rest = {m: c for m, c in p.items() if m not in shared}
-        return self.plus(self.collected(shared), self.collected(rest))
+        return self.plus(self.nested_form(shared), self.nested_form(rest))
 
     # ---- functions --------------------------------------------------------------------------------------------
 
     def call(self, operation: str, *arguments: Polynomial) -> Polynomial:
-        """Return a function of polynomials; sin(-x) = -sin x and cos(-x) = cos x, and both at 0."""
+        """Return a function of polynomials; signs of angles are taken out of sin and cos, which are numbers at 0."""
         simple = [self.simplified(argument) for argument in arguments]
         if operation in _COFUNCTION:
             (angle,) = simple
@@ -132,7 +132,7 @@ class Algebra:
         return self.atom(operation, *simple)
 
     def simplified(self, p: Polynomial) -> Polynomial:
-        """Return the sum, with sin² + cos² = 1 and the addition theorems applied where that makes it shorter."""
+        """Return the sum shortened by sin² + cos² = 1 and the addition theorems, as often as they apply."""
         while (shorter := self._pythagoras(p) or self._addition_theorem(p)) is not None:
             p = shorter
         return p
@@ -179,15 +179,18 @@ class Algebra:
 
     # ---- from CasADi ------------------------------------------------------------------------------------------
 
-    def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
-        """Return the scalar result of a function, whose scalar arguments get these names."""
+    def polynomial(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
+        """Return the scalar result of a function of scalar symbols with these names."""
         (values,) = interpret(
-            function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._operation_result
+            function,
+            entry=lambda i, _: self.symbol(names[i]),
+            constant=self.exact_constant,
+            operation=self._operation_result,
         )
         return self.simplified(values[0] if values else {})
 
-    def number(self, value: float) -> Polynomial:
-        """Return a constant as a fraction, a fraction of π or the root of one, if that equals it to the last bit."""
+    def exact_constant(self, value: float) -> Polynomial:
+        """Return a constant as a fraction, a fraction of π or a root, exact to the last bit; else as it is."""
         number = _simple_fraction(value)
         if isinstance(number, float) and math.isfinite(value):
             of_pi, square = _simple_fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
@@ -198,7 +201,7 @@ class Algebra:
         return {(): number} if number else {}
 
     def _operation_result(self, operation: int, x: list[Polynomial]) -> Polynomial:
-        """Return the result of CasADi's operation of a code."""
+        """Return the result of an operation on polynomials, by CasADi's code."""
         if operation in _ARITHMETIC:
             return _ARITHMETIC[operation](self, *x)
         if operation in (ca.OP_POW, ca.OP_CONSTPOW):
@@ -220,8 +223,8 @@ def is_number(p: Polynomial) -> bool:
     return p.keys() <= {()}
 
 
-def single_atom(p: Polynomial) -> int | None:
-    """Return the atom that equals a sum; None if there is none."""
+def single_atom_index(p: Polynomial) -> int | None:
+    """Return the index of the atom that equals the whole sum; None if there is none."""
     ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), ONE)]
     return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
 
@@ -250,7 +253,7 @@ def _sum_of_terms(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
     """Return a polynomial of terms, like ones added up."""
     total: Polynomial = {}
     for monomial, coefficient in terms:
-        total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
+        total[monomial] = total.get(monomial, 0) + coefficient
     return {monomial: coefficient for monomial, coefficient in total.items() if coefficient}
 
 
@@ -270,7 +273,7 @@ def _monomial_power(monomial: Monomial, exponent: Exponent) -> Monomial:
 
 
 def _simple_fraction(value: float) -> Coefficient:
-    """Return the fraction with a small denominator that equals a number to the last bit, else the number."""
+    """Return the fraction with a small denominator that equals a number to the last bit; else the number."""
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)

@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 
@@ -22,7 +22,7 @@ from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.printing import Printer
 from liaisons.formulas.terms import Formula, Name, Term
-from liaisons.formulas.unicode import Unicode, width, wrapped
+from liaisons.formulas.unicode import Unicode, width, wrapped_lines
 from liaisons.formulas.writing import formula
 from liaisons.language import Component, Mechanism
 from liaisons.mechanics import Equation, Model, assemble, derive
@@ -31,6 +31,8 @@ from liaisons.mechanics.printing import of_accelerations, of_hamiltonian, of_ope
 _TOO_LONG = "Too long to be read: {}; the FMU's sources have them in C."
 _OF_ALL = ("hamiltonian", "canonical")
 _FIXED = "It is of all coordinates; without --fix it is shown."
+_Section: TypeAlias = tuple[Law, str, list[tuple[str, Formula]], str]
+"""Law of a part, its general form, the equations' left and right sides, and a remark on those that are missing."""
 _PAGE = 72
 """Characters of a formula in LaTeX up to which it stays on a line."""
 
@@ -62,39 +64,42 @@ class DisplayedEquations:
         chosen = tuple(equation for equation in self.equations if equation.section == part)
         return replace(self, equations=chosen, notes={k: v for k, v in self.notes.items() if k == part})
 
-    def fix(self, *names: str) -> DisplayedEquations:
-        """Return the equations with prescribed coordinates at rest, without their rates and without coordinates at 0.
+    def fix(self, *coordinates: str) -> DisplayedEquations:
+        """Return the equations with prescribed coordinates at rest: 0 for their rates, and for those that start at 0.
 
-        :param names: of prescribed coordinates; their forces, powers and effective masses are left out.
+        :param coordinates: names of prescribed ones; their forces, powers and effective masses are left out.
         :raises ProjectError: for another name.
         """
-        for name in names:
+        for name in coordinates:
             if name not in self.prescribed:
                 raise ProjectError(f"{self.name} prescribes no {name!r}{suggestion(name, self.prescribed)}")
-        resting = {name for name in names if self.prescribed[name] == 0}
-        resting |= {suffixed(name, end) for name in names for end in ("_dot", "_ddot")}
+        resting = {name for name in coordinates if self.prescribed[name] == 0}
+        resting |= {suffixed(name, end) for name in coordinates for end in ("_dot", "_ddot")}
         remaining = tuple(
-            replace(equation, right=_vanishing(equation.right, resting))
+            replace(equation, right=_with_zeros(equation.right, resting))
             for equation in self.equations
-            if equation.section not in _OF_ALL and not any(_belongs(equation.left, name) for name in names)
+            if equation.section not in _OF_ALL and not any(_is_of_operator(equation.left, name) for name in coordinates)
         )
         noted = {equation.section for equation in self.equations} & set(_OF_ALL)
         notes = {**self.notes, **dict.fromkeys(sorted(noted, key=_OF_ALL.index), _FIXED)}
-        rest = {name: start for name, start in self.prescribed.items() if name not in names}
+        rest = {name: start for name, start in self.prescribed.items() if name not in coordinates}
         return replace(self, equations=remaining, notes=notes, prescribed=rest)
 
     @cached_property
     def _formulas(self) -> list[tuple[Equation, Formula | None]]:
-        """The equations with their formulas; None for one that is too long."""
+        """The equations, each with its formula, or None if that is too long."""
         return [(equation, formula(equation.right, self.notation)) for equation in self.equations]
 
-    def _sections(self, printer: Printer, inline: str) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], str]]:
-        """Yield for each part its law, the general form, the equations, and reasons for missing ones."""
+    def _sections(self, printer: Printer, inline: str) -> Iterator[_Section]:
+        """Yield the parts, printed.
+
+        :param inline: template of a formula within a sentence.
+        """
         for part in self.parts:
             law, own = LAWS[part], [(e.left, right) for e, right in self._formulas if e.section == part]
             dropped = ", ".join(inline.format(printer.name(left)) for left, right in own if right is None)
             remark = self.notes.get(part, "") or (dropped and _TOO_LONG.format(dropped))
-            general = inline.format(law.written(printer)) if law.formula else ""
+            general = inline.format(law.printed_formula(printer)) if law.formula else ""
             yield law, general, [(left, right) for left, right in own if right is not None], remark
 
     def html(self) -> list[str]:
@@ -103,7 +108,7 @@ class DisplayedEquations:
         for law, general, equations, remark in self._sections(printer, "<math>{}</math>"):
             general = general.replace("<math>", '<math display="block">')  # noqa: PLW2901
             lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
-            shown = [line for left, right in equations for line in _paragraphs(left, right, printer)]
+            shown = [line for left, right in equations for line in _html_paragraphs(left, right, printer)]
             lines += ["<div class=equations>", *shown, "</div>"] if shown else []
             lines += [f"<p class=note>{remark}</p>"] if remark else []
         return lines
@@ -119,10 +124,10 @@ class DisplayedEquations:
         return "\n".join(lines)
 
     def _latex_rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
-        """Yield the rows of an equation and its abbreviations, broken between terms."""
+        """Yield rows of LaTeX with an equation and its abbreviations; long ones break between terms."""
         plain = Unicode(self.notation)
         for i, (name, term) in enumerate([(Name(left), right.term), *right.where]):
-            first, *further = _broken_lines(printer.terms(term), map(width, plain.terms(term)), _PAGE)
+            first, *further = _filled_lines(printer.terms(term), map(width, plain.terms(term)), _PAGE)
             where = r"\text{where } " if i == 1 else ""
             yield f"{where}{printer.row(name)} &= {first}"
             yield from (rf"&\quad {line}" for line in further)
@@ -133,10 +138,10 @@ class DisplayedEquations:
         :param width: columns; those of the terminal unless given, 80 where there is none.
         """
         columns = shutil.get_terminal_size((80, 24)).columns if width is None else width
-        return "\n\n".join("\n".join(lines) for lines in self._paragraphs(columns))
+        return "\n\n".join("\n".join(lines) for lines in self._text_paragraphs(columns))
 
-    def _paragraphs(self, columns: int) -> Iterator[list[str]]:
-        """Yield the lines of each part."""
+    def _text_paragraphs(self, columns: int) -> Iterator[list[str]]:
+        """Yield the lines of each part, for a terminal of so many columns."""
         printer = Unicode(self.notation)
         for law, general, equations, remark in self._sections(printer, "{}"):
             formula = " ".join(general.split()).replace("( ", "(").replace(" )", ")")
@@ -158,12 +163,7 @@ class DisplayedEquations:
 
         :raises ProjectError: if SymPy is missing (``pip install 'liaisons[sympy]'``).
         """
-        sympy = symbolic.sympy_package()
-        return [
-            sympy.Eq(symbolic.symbol(e.left) if e.left != "0" else 0, symbolic.expression(right), evaluate=False)
-            for e, right in self._formulas
-            if right is not None
-        ]
+        return [symbolic.equation(e.left, right) for e, right in self._formulas if right is not None]
 
     def __repr__(self) -> str:
         return self.text()
@@ -175,14 +175,15 @@ class DisplayedEquations:
         return "\n".join(["<div>", *self.html(), "</div>"])
 
 
-def _belongs(left: str, name: str) -> bool:
-    """Return whether an equation is one of a prescribed coordinate: its force, its power, an element of Θ."""
-    owner, _, index = left.partition("[")
-    return left in {f"{name}_force", f"{name}_power"} or (owner == "Theta" and name in index.rstrip("]").split(","))
+def _is_of_operator(left: str, coordinate: str) -> bool:
+    """Return whether a left side is the force, the power or an effective mass of a prescribed coordinate."""
+    array, _, index = left.partition("[")
+    forces = {f"{coordinate}_force", f"{coordinate}_power"}
+    return left in forces or (array == "Theta" and coordinate in index.rstrip("]").split(","))
 
 
-def _vanishing(expression: ca.SX, names: Collection[str]) -> ca.SX:
-    """Return an expression with 0 substituted for some of its symbols."""
+def _with_zeros(expression: ca.SX, names: Collection[str]) -> ca.SX:
+    """Return an expression with 0 in place of the symbols with these names."""
     symbols = [symbol for symbol in ca.symvar(expression) if symbol.name() in names]
     return ca.substitute([expression], symbols, [ca.SX(0)] * len(symbols))[0]
 
@@ -209,14 +210,14 @@ def of_component(component: type[Component]) -> DisplayedEquations:
     return replace(shown, equations=tuple(every), notes=notes, prescribed=prescribed)
 
 
-def _paragraphs(left: str, right: Formula, printer: MathML) -> list[str]:
-    """Return HTML of an equation and its abbreviations."""
-    where = [_paragraph(name.name, term, printer) for name, term in right.where]
-    return [_paragraph(left, right.term, printer), *(["<p>where</p>", *where] if where else [])]
+def _html_paragraphs(left: str, right: Formula, printer: MathML) -> list[str]:
+    """Return paragraphs of HTML with an equation and its abbreviations."""
+    where = [_html_paragraph(name.name, term, printer) for name, term in right.where]
+    return [_html_paragraph(left, right.term, printer), *(["<p>where</p>", *where] if where else [])]
 
 
-def _paragraph(left: str, right: Term, printer: MathML) -> str:
-    """Return HTML of an equation that breaks between its terms where the page ends."""
+def _html_paragraph(left: str, right: Term, printer: MathML) -> str:
+    """Return a paragraph of HTML with an equation; lines break between its terms."""
     first, *further = printer.terms(right)
     signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in further)  # spaced as between its neighbours
     pieces = (f"{printer.name(left)}<mo>=</mo>{first}", *signed)
@@ -224,8 +225,8 @@ def _paragraph(left: str, right: Term, printer: MathML) -> str:
     return f"<p class=formula>{written}</p>"
 
 
-def _broken_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
-    """Return terms on lines that are no wider than the room, if no term is."""
+def _filled_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
+    """Return lines of terms; only a line of one term may be wider than the room."""
     lines, used = list[str](), room
     for term, size in zip(terms, widths, strict=True):
         if used + size > room or not lines:
@@ -237,10 +238,13 @@ def _broken_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> lis
 
 
 def _aligned_lines(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
-    """Yield an equation that breaks between its terms, its sign of equality behind the margin."""
+    """Yield the lines of an equation.
+
+    :param margin: columns before its sign of equality.
+    """
     head = " " * (margin - width(left)) + f"{left} = "
     room = max(columns - width(head), 10)
-    for line in _broken_lines(terms, map(width, terms), room):
-        for piece in wrapped(line, room):
+    for line in _filled_lines(terms, map(width, terms), room):
+        for piece in wrapped_lines(line, room):
             yield head + piece
             head = " " * width(head)

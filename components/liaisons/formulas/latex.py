@@ -1,14 +1,13 @@
 """Formulas in LaTeX, as MathJax and matplotlib read it, too."""
 
 import unicodedata
-from itertools import pairwise
 from typing import ClassVar
 
 from liaisons.formulas.notation import Letter
 from liaisons.formulas.printing import Printer
-from liaisons.formulas.terms import Addition, Product, Term
+from liaisons.formulas.terms import Term
 
-_KNOWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "arcsin", "arccos", "arctan", "exp", "ln", "min", "max"}
+_KNOWN = ["sin", "cos", "tan", "sinh", "cosh", "tanh", "arcsin", "arccos", "arctan", "exp", "ln", "min", "max"]
 _WORD = r"\mathrm{"
 
 
@@ -39,10 +38,8 @@ class LaTeX(Printer):
     def function(self, name: str) -> str:
         return rf"\{name}" if name in _KNOWN else rf"\operatorname{{{name}}}"
 
-    def product(self, factors: tuple[Term, ...]) -> str:
-        rows = [self.factor(factor, Addition, Product) for factor in factors]
-        beside = (r" \, " if _WORD in before + after else " " for before, after in pairwise(rows))
-        return rows[0] + "".join(gap + row for gap, row in zip(beside, rows[1:], strict=True))
+    def multiplication_sign(self, before: str, after: str) -> str:
+        return r" \, " if _WORD in before + after else " "
 
     def root(self, inside: Term) -> str:
         return rf"\sqrt{{{self.row(inside)}}}"

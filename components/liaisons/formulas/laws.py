@@ -20,8 +20,8 @@ class Law:
     text: str
     formula: str = ""
 
-    def written(self, printer: Printer) -> str:
-        """Return the law as a printer writes it."""
+    def printed_formula(self, printer: Printer) -> str:
+        """Return the general form as a printer writes it."""
         fractions = (
             [_PART.sub(partial(_printed_part, printer), side) for side in w.split("/")] for w in self.formula.split()
         )

@@ -2,11 +2,10 @@
 
 import re
 from html import escape
-from itertools import pairwise
 
 from liaisons.formulas.notation import Letter
 from liaisons.formulas.printing import Printer
-from liaisons.formulas.terms import Addition, Number, Product, Quotient, Term
+from liaisons.formulas.terms import Number, Quotient, Term
 
 _TIMES = "<mo>&#x2062;</mo>"
 _TAG = re.compile(r"<[^>]+>|&#x206[12];")
@@ -43,13 +42,9 @@ class MathML(Printer):
     def sign(self, sign: str) -> str:
         return f"<mo>{escape(sign)}</mo>"
 
-    def product(self, factors: tuple[Term, ...]) -> str:
-        """Return factors one after the other, with a space beside words."""
-        rows = [self.factor(factor, Addition, Product) for factor in factors]
-        text = rows[0]
-        for before, after in pairwise(rows):
-            text += _TIMES + (self.space if _WORD_LAST.search(before) or _WORD_FIRST.match(after) else "") + after
-        return text
+    def multiplication_sign(self, before: str, after: str) -> str:
+        """Return an invisible sign, with a space beside words."""
+        return _TIMES + (self.space if _WORD_LAST.search(before) or _WORD_FIRST.match(after) else "")
 
     def root(self, inside: Term) -> str:
         return f"<msqrt>{self.row(inside)}</msqrt>"

@@ -41,7 +41,7 @@ class Letter:
         return len(self.text) > 1 and not self.text.isdecimal()
 
     def texts(self) -> Iterator[str]:
-        """Yield its own text and those of its subscripts."""
+        """Yield the text of the letter and those of its subscripts."""
         yield self.text
         for letter in self.below:
             yield from letter.texts()
@@ -61,12 +61,12 @@ class Notation:
         self._letters = _LETTERS | {name.partition("[")[0]: symbol for name, symbol in (symbols or {}).items()}
         self._rank = {name: i for i, name in enumerate(names)}
         self._active = active
-        written = {name: self._written(name) for name in self._rank}
+        written = {name: self._letter_of(name) for name in self._rank}
         taken = Counter(written.values())
-        self._symbols = {name: x if taken[x] == 1 else Letter(_greek(name)) for name, x in written.items()}
+        self._symbols = {name: x if taken[x] == 1 else Letter(_greek_or_word(name)) for name, x in written.items()}
 
     def __getitem__(self, name: str) -> Letter:
-        return self._symbols.get(name) or self._written(name)
+        return self._symbols.get(name) or self._letter_of(name)
 
     @classmethod
     def from_model(cls, model: Model) -> Notation:
@@ -76,20 +76,23 @@ class Notation:
         return cls([v.name for v in model.variables], upheld, symbols)
 
     def rank(self, name: str) -> int:
-        """Return the index among the names; of any other name the number of names."""
+        """Return the index of a name; that of an unknown one is the number of names."""
         return self._rank.get(name, len(self._rank))
 
-    def free_letter(self) -> str:
-        """Return a letter that no variable has: ``"a"``, for abbreviations a_1, a_2."""
+    def unused_letter(self) -> str:
+        """Return a letter that no variable has, for abbreviations a_1, a_2."""
         taken = {name.partition("_")[0] for name in self._rank}
         taken.update(text for letter in self._symbols.values() for text in letter.texts())
         return next(x for x in "abcdefhjnuvw" if x not in taken)
 
-    def _written(self, name: str, part: str = "") -> Letter:
-        """Return the letter of a name; ``part`` stands before declared names of the parts of a system."""
+    def _letter_of(self, name: str, part: str = "") -> Letter:
+        """Return the letter of a variable.
+
+        :param part: name of its part of a system, with a dot.
+        """
         owner, dot, inner = name.partition("[")[0].partition(".")
         if dot:
-            letter = self._written(inner + name[len(owner) + 1 + len(inner) :], f"{owner}.")
+            letter = self._letter_of(inner + name[len(owner) + 1 + len(inner) :], f"{owner}.")
             return replace(letter, below=(*letter.below, Letter(owner)))
         letters = self._letters
         if part:
@@ -104,18 +107,18 @@ class Notation:
         if stem.startswith("p_") and stem[2:] in letters:
             stem, prefix = stem[2:], ["p"]
         head, *subscripts = prefix + letters.get(stem, stem).split("_")
-        is_word = not prefix and len(_greek(head)) > 1 and head not in letters
+        is_word = not prefix and len(_greek_or_word(head)) > 1 and head not in letters
         if is_word and subscripts and subscripts[-1] in letters:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
-        below = [Letter(_greek(text)) for text in subscripts if text]
+        below = [Letter(_greek_or_word(text)) for text in subscripts if text]
         if match["index"]:
-            below += [self._written(index) for index in match["index"].split(",")]
+            below += [self._letter_of(index) for index in match["index"].split(",")]
         if match["start"]:
             below.append(Letter("0"))
-        return Letter(_greek(letters.get(head, head)), _ORDERS[match["rate"]], tuple(below))
+        return Letter(_greek_or_word(letters.get(head, head)), _ORDERS[match["rate"]], tuple(below))
 
 
-def _greek(text: str) -> str:
-    """Return the Greek letter of this name, else the word."""
+def _greek_or_word(text: str) -> str:
+    """Return the Greek letter with this name; else the word itself."""
     letter = unescape(f"&{text};")
     return letter if "Α" <= letter <= "ω" else text

@@ -5,6 +5,7 @@ What a kind of text writes around its parts is a template, or a method where it 
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import ClassVar
 
 from liaisons.formulas.notation import Letter, Notation
@@ -44,7 +45,7 @@ class Printer(ABC):
         return self.letter(self.notation[name])
 
     def terms(self, term: Term) -> tuple[str, ...]:
-        """Return each term of a sum with its sign, so that a line may break before it."""
+        """Return the terms of a sum, each with its sign; a line may break between them."""
         return tuple(
             self.minus + self.factor(t.term, Addition)
             if isinstance(t, Negative)
@@ -73,7 +74,7 @@ class Printer(ABC):
                 return self._application(function, arguments)
 
     def factor(self, term: Term, *kinds: type[Term]) -> str:
-        """Return a term, in brackets if it is of these kinds."""
+        """Return a term, in brackets if it is of one of these kinds."""
         row = self.row(term)
         return self.around("(", row, ")") if isinstance(term, kinds) else row
 
@@ -98,7 +99,7 @@ class Printer(ABC):
     def _power(self, base: Term, exponent: Term) -> str:
         above = self.exponent(exponent)
         if isinstance(base, Application) and base.function in ("sin", "cos") and exponent == Number(2):
-            return self._called(self.raised(self.function(base.function), above), base.arguments)
+            return self._function_call(self.raised(self.function(base.function), above), base.arguments)
         return self.raised(self.row(base) if isinstance(base, Name) else self.around("(", self.row(base), ")"), above)
 
     def _application(self, function: str, arguments: tuple[Term, ...]) -> str:
@@ -107,9 +108,9 @@ class Printer(ABC):
             return self.around("|", inner[0], "|")
         if relation := {"lt": "<", "le": "≤", "eq": "=", "ne": "≠"}.get(function):
             return self.around("[", self.sign(relation).join(inner), "]")
-        return self._called(self.function(_SPELLED.get(function, function)), arguments)
+        return self._function_call(self.function(_SPELLED.get(function, function)), arguments)
 
-    def _called(self, function: str, arguments: tuple[Term, ...]) -> str:
+    def _function_call(self, function: str, arguments: tuple[Term, ...]) -> str:
         """Return a function with its arguments."""
         inner = self.sign(",").join(map(self.row, arguments))
         is_name = len(arguments) == 1 and isinstance(arguments[0], Name)
@@ -123,8 +124,14 @@ class Printer(ABC):
     def function(self, name: str) -> str:
         """Return the name of a function."""
 
-    @abstractmethod
-    def product(self, factors: tuple[Term, ...]) -> str: ...
+    def product(self, factors: tuple[Term, ...]) -> str:
+        """Return factors with signs of multiplication between them."""
+        rows = [self.factor(factor, Addition, Product) for factor in factors]
+        return rows[0] + "".join(self.multiplication_sign(*pair) + pair[1] for pair in pairwise(rows))
+
+    def multiplication_sign(self, before: str, after: str) -> str:  # noqa: ARG002 - of both
+        """Return what stands between two factors."""
+        return self.space
 
     @abstractmethod
     def fraction(self, above: str, below: str) -> str: ...

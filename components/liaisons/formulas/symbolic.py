@@ -1,7 +1,5 @@
 """Formulas as expressions of SymPy, an optional package."""
 
-from functools import reduce
-from operator import mul
 from typing import Any
 
 from liaisons.errors import ProjectError
@@ -24,9 +22,10 @@ def sympy_package() -> Any:
     return sympy
 
 
-def symbol(name: str) -> Any:
-    """Return the symbol of a variable."""
-    return sympy_package().Symbol(name, real=True)
+def equation(left: str, right: Formula) -> Any:
+    """Return the equation of a variable, or of ``"0"``, and a formula."""
+    sympy = sympy_package()
+    return sympy.Eq(sympy.Symbol(left, real=True) if left != "0" else 0, expression(right), evaluate=False)
 
 
 def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
@@ -39,13 +38,13 @@ def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
             case kinds.Number(number):
                 return sympy.sympify(number)
             case kinds.Name(name):
-                return values[name] if name in values else symbol(name)
+                return values[name] if name in values else sympy.Symbol(name, real=True)
             case kinds.Negative(subtracted):
                 return -value(subtracted)
             case kinds.Addition(terms):
-                return sum(map(value, terms), sympy.S.Zero)
+                return sympy.Add(*map(value, terms))
             case kinds.Product(factors):
-                return reduce(mul, map(value, factors))
+                return sympy.Mul(*map(value, factors))
             case kinds.Quotient(above, below):
                 return value(above) / value(below)
             case kinds.Power(base, exponent):

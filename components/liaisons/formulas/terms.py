@@ -81,24 +81,23 @@ Term: TypeAlias = Number | Name | Negative | Addition | Product | Quotient | Pow
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A term, the definitions of its abbreviations in their order, and the number of operations in all."""
+    """A term, and the definitions of its abbreviations in their order."""
 
     term: Term
     where: tuple[tuple[Name, Term], ...]
-    operations: int
 
 
 def summands(term: Term) -> tuple[Term, ...]:
-    """Return the terms of a sum; any other term itself."""
+    """Return the terms of a sum; any other term alone."""
     return term.terms if isinstance(term, Addition) else (term,)
 
 
-def added(terms: Sequence[Term]) -> Term:
+def sum_term(terms: Sequence[Term]) -> Term:
     """Return the sum of terms."""
     return terms[0] if len(terms) == 1 and not isinstance(terms[0], Negative) else Addition(tuple(terms) or (ZERO,))
 
 
-def multiplied(factors: Sequence[Term]) -> Term:
+def product_term(factors: Sequence[Term]) -> Term:
     """Return the product of at least one factor."""
     return factors[0] if len(factors) == 1 else Product(tuple(factors))
 

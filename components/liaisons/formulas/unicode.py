@@ -17,8 +17,8 @@ FIRM, SOFT = "\u00a0", "\u202f"
 """Blanks at which no line breaks, and at which one breaks where there is no other way."""
 
 
-def wrapped(text: str, columns: int) -> list[str]:
-    """Return the lines of a text, with plain blanks."""
+def wrapped_lines(text: str, columns: int) -> list[str]:
+    """Return the lines of a text, its special blanks replaced by plain ones."""
     lines = list[str]()
     for line in textwrap.wrap(text, columns, break_long_words=False):
         lines += [line] if width(line) <= columns else textwrap.wrap(line.replace(SOFT, " "), columns)
@@ -26,7 +26,7 @@ def wrapped(text: str, columns: int) -> list[str]:
 
 
 def width(text: str) -> int:
-    """Return the columns of a terminal that a text takes."""
+    """Return the number of columns that a text takes in a terminal."""
     return sum(not unicodedata.combining(character) for character in text)
 
 
@@ -54,7 +54,7 @@ class Unicode(Printer):
     def product(self, factors: tuple[Term, ...]) -> str:
         """Return letters with a blank between them, words with a dot."""
         rows = [self.factor(factor, Addition, Product, Quotient) for factor in factors]
-        words = [isinstance(factor, Name) and self._is_word(factor.name) for factor in factors]
+        words = [isinstance(factor, Name) and self._has_word(self.notation[factor.name]) for factor in factors]
         gaps = (f"{SOFT}·{FIRM}" if any(pair) else SOFT for pair in pairwise(words))
         return rows[0] + "".join(gap + row for gap, row in zip(gaps, rows[1:], strict=True))
 
@@ -85,5 +85,5 @@ class Unicode(Printer):
     def around(self, left: str, row: str, right: str) -> str:
         return left + row.strip() + right
 
-    def _is_word(self, name: str) -> bool:
-        return any(len(text) > 1 and not text.isdecimal() for text in self.notation[name].texts())
+    def _has_word(self, letter: Letter) -> bool:
+        return letter.is_word or any(map(self._has_word, letter.below))

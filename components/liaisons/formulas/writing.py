@@ -17,7 +17,7 @@ from liaisons.formulas.algebra import (
     Polynomial,
     is_number,
     is_supported,
-    single_atom,
+    single_atom_index,
 )
 from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
@@ -31,8 +31,8 @@ from liaisons.formulas.terms import (
     Quotient,
     Root,
     Term,
-    added,
-    multiplied,
+    product_term,
+    sum_term,
     summands,
 )
 
@@ -80,28 +80,28 @@ class _Writer:
         self.notation = notation
         self.abbreviations: dict[int, Name] = {}
         self.where: list[tuple[Name, Term]] = []
-        plain = algebra.value(function, names)
-        collected = algebra.collected(plain)
-        short, long = self._total_operations(collected), self._total_operations(plain)
+        plain = algebra.polynomial(function, names)
+        nested = algebra.nested_form(plain)
+        short, long = self._total_operations(nested), self._total_operations(plain)
         # What fits on one line is best short; beyond that, lines break between terms only.
         looser = 1 if breaks else LOOSER
-        self.polynomial = collected if short < min(long, ONE_LINE) or looser * short < long else plain
+        self.polynomial = nested if short < min(long, ONE_LINE) or looser * short < long else plain
         self.operations = self._total_operations(self.polynomial)
 
     def formula(self) -> Formula:
         self._abbreviate()
-        return Formula(self._sum(self.polynomial), tuple(self.where), self.operations)
+        return Formula(self._sum(self.polynomial), tuple(self.where))
 
     # ---- how long it is ---------------------------------------------------------------------------------------
 
     def _total_operations(self, p: Polynomial) -> int:
-        """Return the number of operations, those of repeated parts counted once."""
+        """Return the number of operations; those of a repeated part count once."""
         return _operation_count(p) + sum(
             sum(map(_operation_count, self.algebra.atoms[index].arguments), 1) for index in self._use_counts(p)
         )
 
     def _use_counts(self, p: Polynomial) -> Counter[int]:
-        """Return how often each function and bracket occurs in a formula that defines each of them once."""
+        """Return the number of occurrences of each function and bracket, by atom, if each is defined once."""
         uses: Counter[int] = Counter()
         waiting = [p]
         while waiting:
@@ -113,9 +113,9 @@ class _Writer:
         return uses
 
     def _abbreviate(self) -> None:
-        """Name what a long formula repeats, and what is too wide for a line."""
+        """Give names to what a long formula repeats, and to what is too wide for a line."""
         long = self.operations > SHORT
-        letter = self.notation.free_letter()
+        letter = self.notation.unused_letter()
         for index, count in sorted(self._use_counts(self.polynomial).items()):  # its parts have lower indices
             atom = self.algebra.atoms[index]
             term = self._factor(index)
@@ -128,20 +128,20 @@ class _Writer:
     # ---- sums -------------------------------------------------------------------------------------------------
 
     def _sum(self, p: Polynomial) -> Term:
-        """Return terms with their signs, positive ones first, short ones before long ones."""
+        """Return a sum as a term: positive summands first, short ones before long ones."""
         ordered = sorted(p.items(), key=lambda item: (item[1] < 0, len(item[0]), self._rank(item[0])))
-        return added([term for monomial, coefficient in ordered for term in self._terms(monomial, coefficient)])
+        return sum_term([term for monomial, coefficient in ordered for term in self._summands(monomial, coefficient)])
 
-    def _terms(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
-        """Return the terms of a monomial: one product, or the terms of a bracket that has no other factor."""
+    def _summands(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
+        """Return the summands of a monomial: one product, or those of a bracket that has no further factor."""
         if self._is_bare_group({monomial: coefficient}):  # a bracket that multiplies nothing
             return summands(self._factor(monomial[0][0]))
         term = self._product(monomial, abs(coefficient))
         return (Negative(term) if coefficient < 0 else term,)
 
     def _is_bare_group(self, p: Polynomial) -> bool:
-        """Return whether a sum is one bracket without a name."""
-        index = single_atom(p)
+        """Return whether the whole sum is one bracket without an abbreviation."""
+        index = single_atom_index(p)
         return index is not None and self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
 
     # ---- products ---------------------------------------------------------------------------------------------
@@ -152,12 +152,12 @@ class _Writer:
         below = [self._power(index, -e) for index, e in factors if e < 0]
         top, bottom = coefficient.as_integer_ratio() if isinstance(coefficient, Fraction) else (coefficient, 1)
         if bottom != 1 and not below and above:
-            return multiplied([Quotient(Number(top), Number(bottom)), *above])
+            return product_term([Quotient(Number(top), Number(bottom)), *above])
         if top != 1 or not above:
             above.insert(0, Number(top))
         if bottom != 1:
             below.insert(0, Number(bottom))
-        return Quotient(multiplied(above), multiplied(below)) if below else multiplied(above)
+        return Quotient(product_term(above), product_term(below)) if below else product_term(above)
 
     def _power(self, index: int, exponent: Exponent) -> Term:
         base = self._factor(index)
@@ -180,7 +180,7 @@ class _Writer:
         return Application(_FUNCTIONS.get(atom.operation, atom.operation), inner)
 
     def _rank(self, monomial: Monomial) -> tuple[tuple[int, int], ...]:
-        """Return the order of writing: numbers, symbols in the order of the variables, brackets, functions."""
+        """Return a key to sort factors: numbers, symbols in the order of the variables, brackets, functions."""
         ranks = []
         for index, _ in monomial:
             atom = self.algebra.atoms[index]

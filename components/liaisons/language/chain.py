@@ -8,7 +8,7 @@ import casadi as ca
 from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import Formulas, call, declared
+from liaisons.language.checks import Formulas, call, declarations_of
 from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -57,33 +57,33 @@ class Chain(MechanicalComponent, abstract=True):
         free, active = [q.name for q in self.coordinates], [s.name for s in self.actives]
         joint = [f"joint_{axis}" for axis in type(self).joint.axes]
         (self.q, self.q_dot, self.q_ddot), (self.w, self.w_dot, self.w_ddot), (self.s, self.s_dot, self.s_ddot) = (
-            [self._symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
+            [self._add_symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
             for names in (free, joint, active)
         )
-        self.contact_forces = self._symbols(f"{item.name}_force" for item in self.contact_formulas)
+        self.contact_forces = self._add_symbols(f"{item.name}_force" for item in self.contact_formulas)
 
     # ---- defined by components -----------------------------------------------------------------------------
 
     @abstractmethod
     def tip(self) -> Mapping[str, ca.SX]:
-        """Joint of the next link by axis, as expressions of coordinates and joint."""
+        """Joint of the next link by axis, from the coordinates and the joint of this link."""
 
     def base(self) -> Mapping[str, ca.SX] | None:
-        """Joint of the first link as expressions of active coordinates; None: the first link is a free end."""
+        """Joint of the first link by axis, from active coordinates; None for a free end."""
         return None
 
     def bond_energy(self) -> ca.SX:
-        """V of the bond of a link to the previous one or the base; the first link of a free end has none."""
+        """Potential energy of the bond between a link and the one before or the base; none at a free end."""
         return ca.SX(0)
 
     def bond_dissipation(self) -> ca.SX:
-        """D [W] of the bond of a link to the previous one or the base; the first link of a free end has none."""
+        """Dissipation function [W] of the bond between a link and the one before or the base; none at a free end."""
         return ca.SX(0)
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
-        """Total time derivative of an expression of coordinates, joint and their rates."""
+        """Total time derivative of an expression of coordinates, joint and rates."""
         where = ca.vertcat(self.q, self.w, self.s, self.q_dot, self.w_dot, self.s_dot)
         rates = ca.vertcat(self.q_dot, self.w_dot, self.s_dot, self.q_ddot, self.w_ddot, self.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
@@ -91,25 +91,25 @@ class Chain(MechanicalComponent, abstract=True):
     # ---- derived -------------------------------------------------------------------------
 
     def joint_column(self, components: Mapping[str, ca.SX]) -> ca.SX:
-        """Column of a tip or base, (d, 1)."""
+        """Column (d, 1) of a tip or base, in the order of the axes."""
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:
-        for item in declared(type(self), Declaration):
+        for item in declarations_of(type(self), Declaration):
             if item.size:
-                text = f"{type(self).__name__}.{item.name}: size = {item.size!r}: a Chain describes one link"
-                raise ComponentError(f"{text}; what each has is an array of length n already")
+                item.refuse(
+                    f"size = {item.size!r}: a Chain describes one link; what each has is an array of length n already"
+                )
             if not isinstance(item, _OF_CHAINS):
-                text = f"{type(self).__name__}.{item.name}: a Chain has no {type(item).__name__}; write a Mechanism"
-                raise ComponentError(text)
-        parameters, axes = self._named(self.parameter_column), type(self).joint.unit_of
-        link = parameters | self._named(self.q, self.w)
-        motion = link | self._named(self.q_dot, self.w_dot)
+                item.refuse(f"a Chain has no {type(item).__name__}; write a Mechanism")
+        parameters, axes = self._symbols_by_name(self.parameter_column), type(self).joint.unit_of
+        link = parameters | self._symbols_by_name(self.q, self.w)
+        motion = link | self._symbols_by_name(self.q_dot, self.w_dot)
         formulas = Formulas(self)
         self._check_points(formulas, link)
-        formulas.each("tip", link, axes)
+        formulas.check_mapping("tip", link, axes)
         if call(self, "base") is not None:
-            formulas.each("base", parameters | self._named(self.s), axes)
+            formulas.check_mapping("base", parameters | self._symbols_by_name(self.s), axes)
         for name in ("kinetic_energy", "potential_energy", "bond_energy"):
             formulas(name, motion if name == "kinetic_energy" else link, "J")
         formulas("friction_coefficient", parameters, "1/s")

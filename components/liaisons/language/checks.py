@@ -24,8 +24,8 @@ _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 _OURS = "liaisons.language"
 
 
-def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
-    """Declarations of one kind, base classes first, each in the order of the file."""
+def declarations_of(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
+    """Declarations of one kind: those of base classes first, in the order of the file."""
     declarations: dict[str, D] = {}
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
@@ -39,7 +39,7 @@ def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
 
 
 def call(instance: object, name: str, *arguments: Any) -> Any:
-    """Value of a method or formula of a component; any exception becomes a ComponentError with its name."""
+    """Value of an attribute, or of a method for these arguments; exceptions become ComponentErrors that name it."""
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("error", message=r"\s*casadi: a numpy function", category=FutureWarning)
@@ -48,10 +48,10 @@ def call(instance: object, name: str, *arguments: Any) -> Any:
     except LiaisonsError:
         raise
     except Exception as error:
-        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}{_line(error)}") from error
+        raise ComponentError(f"{type(instance).__name__}.{name}: {_explanation(error)}{_line_suffix(error)}") from error
 
 
-def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
+def checked_scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     """Value as a scalar expression of known symbols.
 
     :raises ComponentError: if it is no expression, no scalar, or contains an unknown symbol.
@@ -96,48 +96,54 @@ class Formulas:
 
     def __init__(self, instance: object) -> None:
         self._instance, self._owner = instance, type(instance)
-        self._found: list[Declared] = []  # in the order of their dependence
+        self._declared: list[Declared] = []  # in the order of their dependence
 
     def __call__(self, name: str, symbols: Mapping[str, ca.SX], unit: str, *arguments: Any) -> ca.SX:
         """Scalar of the allowed symbols that a method returns, in this unit."""
-        return self.take(name, call(self._instance, name, *arguments), symbols, unit)
+        return self.add(name, call(self._instance, name, *arguments), symbols, unit)
 
-    def take(self, label: str, value: Any, symbols: Mapping[str, ca.SX], unit: str) -> ca.SX:
-        """Scalar of a return value; the label of a component is ``"bob['x']"``."""
-        expression = scalar(self._owner, label, value, symbols)
+    def add(self, label: str, value: Any, symbols: Mapping[str, ca.SX], unit: str) -> ca.SX:
+        """Scalar expression of a value, whose unit is checked later.
+
+        :param label: name of the method, with a key where it returns several, ``"bob['x']"``.
+        """
+        expression = checked_scalar(self._owner, label, value, symbols)
         attribute = inspect.getattr_static(self._owner, label.partition("[")[0])
         if not (attribute.unchecked if isinstance(attribute, Declaration) else hasattr(attribute, UNCHECKED)):
-            self._found.append(Declared(f"{self._owner.__name__}.{label}", expression, unit))
+            self._declared.append(Declared(f"{self._owner.__name__}.{label}", expression, unit))
         return expression
 
-    def each(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
-        """Check a method that returns scalars by name, in these units."""
+    def check_mapping(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
+        """Check a method that returns scalars by name.
+
+        :param unit: by name.
+        """
         returned = call(self._instance, name)
         if not isinstance(returned, Mapping) or returned.keys() != unit.keys():
-            what = list(returned) if isinstance(returned, Mapping) else returned
-            raise ComponentError(f"{self._owner.__name__}.{name} returns {what}; it must give {list(unit)}")
+            got = list(returned) if isinstance(returned, Mapping) else returned
+            raise ComponentError(f"{self._owner.__name__}.{name} returns {got}; it must give {list(unit)}")
         for key, value in returned.items():
-            self.take(f"{name}[{key!r}]", value, symbols, unit[key])
+            self.add(f"{name}[{key!r}]", value, symbols, unit[key])
 
-    def internal_rates(self, symbols: Mapping[str, ca.SX]) -> None:
-        """Check the rates of internal states."""
-        states = declared(self._owner, InternalState)
+    def check_internal_rates(self, symbols: Mapping[str, ca.SX]) -> None:
+        """Check the method ``internal_rates``."""
+        states = declarations_of(self._owner, InternalState)
         unit = {state.name: units.rate(units.ANY if state.unchecked else state.unit) for state in states}
-        self.each("internal_rates", symbols, unit)
+        self.check_mapping("internal_rates", symbols, unit)
 
-    def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **more: str) -> None:
-        """Refuse formulas whose units cannot be right.
+    def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **further: str) -> None:
+        """Raise a ComponentError for formulas whose units do not fit.
 
         :param symbols: all that occur; their units are those of the variables of their names.
-        :param more: units of symbols that are no variables.
+        :param further: units of symbols that are no variables.
         """
-        unit = {v.name: v.unit for variable in variables for v in (variable, *variable.elements())} | more
-        unit |= {item.name: units.ANY for item in declared(self._owner, Symbol) if item.unchecked}
-        check_units({name: (symbol, unit.get(name, units.ANY)) for name, symbol in symbols.items()}, self._found)
+        unit = {v.name: v.unit for variable in variables for v in (variable, *variable.elements())} | further
+        unit |= {item.name: units.ANY for item in declarations_of(self._owner, Symbol) if item.unchecked}
+        check_units({name: (symbol, unit.get(name, units.ANY)) for name, symbol in symbols.items()}, self._declared)
 
 
-def _reason(error: Exception) -> str:
-    """Message about an exception in a method, with the remedy."""
+def _explanation(error: Exception) -> str:
+    """Explanation of an exception in a method, with the remedy."""
     text = str(error).strip().splitlines()
     if isinstance(error, FutureWarning) or "no implementation found for 'numpy" in str(error):
         return "a function of numpy is given a symbol; use CasADi's, which know symbols: ca.sin, ca.sqrt, ca.fmax, ..."
@@ -149,8 +155,8 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {text[-1] if text else 'no reason is given'}"
 
 
-def _line(error: Exception) -> str:
-    """Line of the component's file at which an exception was raised."""
+def _line_suffix(error: Exception) -> str:
+    """File and line of the component at which an exception was raised, in brackets; else no text."""
     ours = str(Path(__file__).parent)
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((ours, "<string>"))]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
@@ -161,9 +167,9 @@ def _line(error: Exception) -> str:
 
 def require_units(cls: type) -> None:
     """Raise a ComponentError for a declaration without a unit; only an operator's may take any."""
-    for item in declared(cls, Declaration):
+    for item in declarations_of(cls, Declaration):
         if item.unit == units.ANY:
-            raise ComponentError(f"{cls.__name__}.{item.name} has no unit; that of a pure number is '1'")
+            item.refuse("its unit is missing; that of a pure number is '1'")
 
 
 def require_methods(cls: type) -> None:
@@ -186,12 +192,12 @@ def reject_misspelt_methods(cls: type) -> None:
     allowed = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
     for name in sorted(methods(cls) - inherited):
         near = get_close_matches(name, allowed | {"exact", "picture"}, n=1, cutoff=0.85)
-        if near and near[0] not in name and name not in _called(cls):
+        if near and near[0] not in name and name not in _names_in_methods(cls):
             raise ComponentError(f"{cls.__name__}.{name}: nothing calls this method; did you mean {near[0]!r}?")
 
 
-def _called(cls: type) -> set[str]:
-    """Names that occur in the methods and formulas of a component."""
+def _names_in_methods(cls: type) -> set[str]:
+    """Names that the code of a component's methods and formulas uses."""
     methods = (getattr(value, "method", value) for base in cls.__mro__ for value in vars(base).values())
     waiting: list[Any] = [method.__code__ for method in methods if isinstance(method, FunctionType)]
     names: set[str] = set()
@@ -203,22 +209,19 @@ def _called(cls: type) -> set[str]:
 
 
 def reject_reserved_names(cls: type) -> None:
-    """Raise a ComponentError for a declaration that hides a name of the bases, or is outside its own domain."""
+    """Raise a ComponentError for a declaration with a reserved name, or with a default outside its own domain."""
     ours = [base for base in cls.__mro__ if base.__module__.startswith(_OURS)]
     taken = {name for base in ours for name, value in vars(base).items() if not isinstance(value, Declaration)}
     taken |= {name for base in ours for name in vars(base).get("__annotations__", ())}
-    for item in declared(cls, Declaration):
+    for item in declarations_of(cls, Declaration):
         if not _IDENTIFIER.match(item.name):
-            raise ComponentError(f"{cls.__name__}.{item.name}: use an ASCII identifier that starts with a letter")
+            item.refuse("use an ASCII identifier that starts with a letter")
         if item.name in taken:
-            raise ComponentError(f"{cls.__name__}.{item.name}: the name is taken by the base class; choose another")
-    for item in declared(cls, Symbol):
+            item.refuse("the name is taken by the base class; choose another")
+    for item in declarations_of(cls, Symbol):
         variable = item.variable("parameter", "fixed")
         if not variable.allows(item.start):
-            raise ComponentError(
-                f"{cls.__name__}.{item.name}: default {item.start:g} {item.unit} is outside its own domain: "
-                f"it must be {variable.domain()}"
-            )
+            item.refuse(f"default {item.start:g} {item.unit} is outside its own domain: it must be {variable.domain()}")
 
 
 def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
@@ -226,8 +229,8 @@ def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
 
     :param variables: names and descriptions.
     """
-    reserved = ("input_reconstruction", "symplectic_steps", "stiff_solver", "time", "picture", NEXT_EVENT_TIME)
-    seen: dict[str, str] = dict.fromkeys(reserved, "which every FMU has")
+    reserved = f"input_reconstruction symplectic_steps stiff_solver time picture {NEXT_EVENT_TIME}"
+    seen: dict[str, str] = dict.fromkeys(reserved.split(), "which every FMU has")
     for name, description in variables:
         if name in seen:
             raise ComponentError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any, Generic, TypeVar, final
 
@@ -34,7 +34,7 @@ class Values:
 
     def __init__(self, label: str, declared: Mapping[str, Variable], values: Mapping[str, object]) -> None:
         self._label, self._declared = label, declared
-        self._values = {name: self._checked(name, value) for name, value in values.items()}
+        self._values = {name: self._checked_value(name, value) for name, value in values.items()}
         self._read: set[str] = set()
 
     def __str__(self) -> str:
@@ -44,30 +44,30 @@ class Values:
         if name.startswith("_"):
             raise AttributeError(name)
         self._read.add(name)
-        return self._values[name] if name in self._values else _start(self._variable(name))
+        return self._values[name] if name in self._values else _start_value(self._variable(name))
 
     def array(self, *names: str) -> NDArray:
-        """The values of several variables, shape (n,)."""
+        """Values of several variables as an array (n,)."""
         return np.array([getattr(self, name) for name in names])
 
     def require(self, holds: object, message: str) -> None:
-        """Raise a ValidityError with the name of the closed form and this message unless a condition holds."""
+        """Raise a ValidityError with this message unless a condition holds."""
         if not holds:
             raise ValidityError(f"{self}: {message}")
 
-    def reject_unread(self, text: str) -> None:
-        """Raise a ValidityError for values that differ from the declaration but were not read."""
+    def reject_unread(self, solution: str) -> None:
+        """Raise a ValidityError for values of the call that the solution did not read, unless they are as declared."""
         for name, value in self._values.items():
-            start = _start(self._declared[name])
+            start = _start_value(self._declared[name])
             if name not in self._read and not np.array_equal(value, start):
-                raise ValidityError(f"{self}: {name} = {value} must be {start}; it is {text}")
+                raise ValidityError(f"{self}: {name} = {value} must be {start}; it is {solution}")
 
     def _variable(self, name: str) -> Variable:
         if name not in self._declared:
             raise ValidityError(f"{self}: nothing is called {name!r}{suggestion(name, self._declared)}")
         return self._declared[name]
 
-    def _checked(self, name: str, value: object) -> Any:
+    def _checked_value(self, name: str, value: object) -> Any:
         variable = self._variable(name)
         shape = () if variable.dimension is None else (variable.count,)
         try:
@@ -113,7 +113,7 @@ class ClosedForm(Generic[R]):
         label = f"{self.owner.__name__}.{self.__name__}"
         expected = self._signature.parameters
         own = {name: values.pop(name) for name in [*values] if name in expected}
-        at = Values(label, _settable(self.owner, values), values)
+        at = Values(label, _variables(self.owner, *_pop_size(self.owner, values)), values)
         own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in expected}
         try:
             call = self._signature.bind(*arguments, **own)
@@ -125,7 +125,7 @@ class ClosedForm(Generic[R]):
             bound["t"] = np.asarray(bound["t"], dtype=float)
         for name, condition in self._conditions.items():
             relation, _, bounding = condition.partition(" ")
-            value, limit = (_value(word, bound, at) for word in (name, bounding))
+            value, limit = (_word_value(word, bound, at) for word in (name, bounding))
             if not np.all(_RELATIONS[relation](value, limit)):
                 shown = np.min(value) if np.ndim(value) else value
                 raise ValidityError(f"{label}: {name} = {shown} must be {condition}; it is {self._text}")
@@ -135,7 +135,7 @@ class ClosedForm(Generic[R]):
 
 
 def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], ClosedForm[R]]:
-    """Decorator of a function of a component: its closed form.
+    """Decorator that makes a function the closed form of a component.
 
     It takes times ``t`` or other arguments, and ``at``: :class:`Values` of the component's variables, with the names,
     start values and domains of the declarations; a parameter ``component`` is the class.  It returns values by the
@@ -155,30 +155,33 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     return lambda function: ClosedForm(function, text, conditions)
 
 
-def _settable(owner: type[Component], values: dict[str, Any]) -> Mapping[str, Variable]:
-    """Parameters, start values and inputs, as declared; of n, which is taken out, or as many elements as an array."""
+def _pop_size(owner: type[Component], values: dict[str, Any]) -> Iterator[int]:
+    """Remove n from values and yield it, or the length of an array among them; nothing unless the owner has a Size."""
     size = getattr(owner, "n", None)
-    if not isinstance(size, Size):
-        return _variables(owner)
-    arrays = (len(value) for value in values.values() if np.ndim(value) == 1)
-    try:
-        return _variables(owner, size.checked(owner.__name__, values.pop("n", next(arrays, size.default))))
-    except ComponentError as error:
-        raise ValidityError(str(error)) from None
+    if isinstance(size, Size):
+        lengths = (len(value) for value in values.values() if np.ndim(value) == 1)
+        try:
+            yield size.checked(owner.__name__, values.pop("n", next(lengths, size.default)))
+        except ComponentError as error:
+            raise ValidityError(str(error)) from None
 
 
 @cache
 def _variables(owner: type[Component], *size: int) -> Mapping[str, Variable]:
+    """Parameters, start values and inputs as declared, by name.
+
+    :param size: number of elements or links.
+    """
     layout = (owner.of_size(*size)() if size and issubclass(owner, Mechanism) else owner(*size)).layout()
     sizes = (Variable(d.name, "1", d.description, "parameter", "fixed", start=d.count) for d in layout.dimensions)
     return {variable.name: variable for variable in (*layout.parameters, *layout.inputs, *sizes)}
 
 
-def _start(variable: Variable) -> Any:
+def _start_value(variable: Variable) -> Any:
     return variable.starts[0] if variable.dimension is None else np.array(variable.starts)
 
 
-def _value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
+def _word_value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
     """Value of a word in a condition: a number, an argument of the function, or a variable."""
     try:
         return float(word)

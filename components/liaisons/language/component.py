@@ -3,6 +3,7 @@
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar, Generic, TypeVar, final
 
 import casadi as ca
@@ -10,17 +11,23 @@ import casadi as ca
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import (
-    declared,
+    declarations_of,
     reject_clashes,
     reject_misspelt_methods,
     reject_reserved_names,
     require_methods,
 )
-from liaisons.language.declarations import Declaration, Friction, Input, InternalState, Parameter
-from liaisons.language.layout import Layout, of_internal, start_of_internal
+from liaisons.language.declarations import Declaration, Input, InternalState, Parameter
+from liaisons.language.layout import Layout, internal_state_outputs
 from liaisons.language.variables import Experiment, State, Variable
 
 D = TypeVar("D", bound=Declaration)
+
+
+@cache
+def elements_of(owner: type, kind: type[D]) -> tuple[D, ...]:
+    """Declarations of one kind of a class; for an array, those of its elements."""
+    return tuple(element for item in declarations_of(owner, kind) for element in item.elements(owner))
 
 
 class DeclarationsOf(Generic[D]):
@@ -29,19 +36,8 @@ class DeclarationsOf(Generic[D]):
     def __init__(self, kind: type[D]) -> None:
         self._kind = kind
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._cached = f"_{name}"
-
     def __get__(self, instance: object, owner: type) -> tuple[D, ...]:
-        declarations = vars(owner).get(self._cached)
-        if declarations is None:
-            declarations = self.find(owner)
-            setattr(owner, self._cached, declarations)
-        return declarations
-
-    def find(self, owner: type) -> tuple[D, ...]:
-        """Collect the declarations, of arrays those of their elements."""
-        return tuple(element for item in declared(owner, self._kind) for element in item.elements(owner))
+        return elements_of(owner, self._kind)
 
 
 class Component(ABC):
@@ -63,7 +59,7 @@ class Component(ABC):
     def __init__(self) -> None:
         self.symbols = {}
         self.formulas = {}
-        self.parameter_column = self._symbols(name for p in self.parameters for name in p.names)
+        self.parameter_column = self._add_symbols(name for p in self.parameters for name in p.names)
 
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""
@@ -77,7 +73,7 @@ class Component(ABC):
 
     @classmethod
     def is_sampled(cls) -> bool:
-        """Whether inputs are read at samples alone."""
+        """Whether inputs are read at samples only."""
         return False
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
@@ -105,11 +101,6 @@ class Component(ABC):
         """First line of the docstring."""
         return (inspect.getdoc(cls) or cls.__name__).splitlines()[0]
 
-    @property
-    def _declared_friction(self) -> ca.SX:
-        """η of K eq. 64 where the component declares one; else 0."""
-        return sum((self.symbols[p.name] for p in self.parameters if isinstance(p, Friction)), ca.SX(0))
-
     def __getattr__(self, name: str) -> Any:
         # Only called for names that do not exist: a misspelt symbol in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
@@ -126,13 +117,14 @@ class Component(ABC):
             fix = suggestion(name, names)
         raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{fix}")
 
-    def _symbols(self, names: Iterable[str]) -> ca.SX:
+    def _add_symbols(self, names: Iterable[str]) -> ca.SX:
+        """Column of new symbols, which are added to ``symbols``."""
         column = [ca.SX.sym(name) for name in names]
         self.symbols.update((str(symbol), symbol) for symbol in column)
         return ca.vertcat(*column) if column else ca.SX(0, 1)
 
-    def _named(self, *columns: ca.SX) -> dict[str, ca.SX]:
-        """Symbols of columns, by name."""
+    def _symbols_by_name(self, *columns: ca.SX) -> dict[str, ca.SX]:
+        """Symbols in columns, by name."""
         names = (str(symbol) for column in columns for symbol in ca.vertsplit(column))
         return {name: self.symbols[name] for name in names}
 
@@ -150,13 +142,13 @@ class SignalComponent(Component, abstract=True):
     def __init__(self) -> None:
         super().__init__()
         self.clock = ca.SX.sym("t")
-        self.internal = self._symbols(state.name for state in self.internal_states)
-        self.input_column = self._symbols(item.name for item in self.inputs)
+        self.internal = self._add_symbols(state.name for state in self.internal_states)
+        self.input_column = self._add_symbols(item.name for item in self.inputs)
 
     def layout(self) -> Layout:
-        of_states = [list(of_internal(state)) for state in self.internal_states]
+        of_states = [list(internal_state_outputs(state)) for state in self.internal_states]
         return Layout(
-            parameters=(*self._declared_parameters(), *map(start_of_internal, self.internal_states)),
+            parameters=(*self._declared_parameters(), *(state.start_parameter() for state in self.internal_states)),
             inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
             outputs=tuple(variable for group in zip(*of_states, strict=True) for variable in group),
             states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
@@ -164,12 +156,12 @@ class SignalComponent(Component, abstract=True):
         )
 
     def triple(self) -> list[ca.SX]:
-        """Signal of an active port and its derivatives; without a port none."""
+        """Signal of an active port and its two derivatives; empty without a port."""
         return []
 
-    @abstractmethod
     def conditions(self) -> Mapping[str, ca.SX]:
-        """Return expressions that must stay > 0, by the message of their error."""
+        """Expressions that must stay > 0, by the message of a violation."""
+        return {}
 
     @abstractmethod
     def events(self) -> Sequence[ca.SX]:

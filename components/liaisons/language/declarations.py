@@ -5,16 +5,16 @@ instance of the component it is the CasADi symbol or expression of that name.
 """
 
 import inspect
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Literal, ParamSpec, Self, TypeVar, overload
+from typing import Any, ClassVar, Generic, Literal, NoReturn, ParamSpec, Self, TypeVar, overload
 
 import casadi as ca
-import numpy as np
 
 from liaisons.base import units
+from liaisons.base.arguments import finite, whole
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Causality, Dimension, Variability, Variable, element
 
@@ -33,6 +33,7 @@ class Declaration(ABC, Generic[T]):
 
     example: ClassVar[str] = ""  # for messages about wrong arguments
     name: str = "?"
+    owner: str = "?"  # name of the class that declares it
     size: str = ""  # of an array in a mechanism: name of a Size, or that less a number
 
     def __new__(cls, *arguments: Any, **options: Any) -> Self:
@@ -56,10 +57,14 @@ class Declaration(ABC, Generic[T]):
             except ValueError as error:
                 raise ComponentError(f"{description!r}: {error}") from None
         self.unit, self.description = unit, description
-        self.unchecked = None if unchecked is None else _reason(unchecked)
+        self.unchecked = None if unchecked is None else _checked_reason(unchecked)
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
+        self.owner, self.name = owner.__name__, name
+
+    def refuse(self, reason: str) -> NoReturn:
+        """Raise a ComponentError about this declaration."""
+        raise ComponentError(f"{self.owner}.{self.name}: {reason}")
 
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
@@ -70,27 +75,23 @@ class Declaration(ABC, Generic[T]):
 
     @abstractmethod
     def value_in(self, instance: Any) -> T:
-        """Symbol or expression in an instance of the component."""
+        """Value on an instance of the component: a symbol or an expression."""
 
     def extent(self, owner: type) -> Dimension | None:
-        """Number of its elements in a mechanism; None: it is no array."""
+        """Number of elements of an array in a mechanism; None for a scalar."""
         if not self.size:
             return None
         name, _, less = self.size.replace(" ", "").partition("-")
         size = getattr(owner, name, None)
         if not isinstance(size, Size) or (less and not less.isdigit()):
-            raise ComponentError(
-                f"{owner.__name__}.{self.name}: size = {self.size!r}: name a Size of the mechanism, as 'n' or 'n - 1'"
-            )
+            self.refuse(f"size = {self.size!r}: name a Size of the mechanism, as 'n' or 'n - 1'")
         count = size.default - int(less or 0)
         if count < 1:
-            raise ComponentError(
-                f"{owner.__name__}.{self.name}: size = {self.size!r} is {count} with {name} = {size.default}"
-            )
+            self.refuse(f"size = {self.size!r} is {count} with {name} = {size.default}")
         return Dimension(self.size, count, size.description)
 
     def elements(self, owner: type) -> tuple[Self, ...]:
-        """Declarations of the elements of an array; of a scalar itself."""
+        """Declarations of the elements of an array; for a scalar, the declaration itself."""
         extent = self.extent(owner)
         return (self,) if extent is None else tuple(self._element(i) for i in range(extent.count))
 
@@ -136,8 +137,8 @@ class Symbol(Declaration[ca.SX]):
             raise ComponentError(f"{description!r}: the two bounds must be both excluded or both included")
         self.strict = bool(excluded)
         low, high = (above, below) if self.strict else (minimum, maximum)
-        self.start = _number(start, description)
-        self.minimum, self.maximum = (x if x is None else _number(x, description) for x in (low, high))
+        self.start = _finite_number(start, description)
+        self.minimum, self.maximum = (x if x is None else _finite_number(x, description) for x in (low, high))
 
     def value_in(self, instance: Any) -> ca.SX:
         if self.size:
@@ -149,13 +150,13 @@ class Symbol(Declaration[ca.SX]):
 
     def _element(self, i: int) -> Self:
         item = super()._element(i)
-        item.start, item.leading = _nth(self.leading, i, self.start), ()
+        item.start, item.leading = _element_value(self.leading, i, self.start), ()
         return item
 
-    def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
+    def variable(self, causality: Causality, variability: Variability) -> Variable:
         """FMU variable of the symbol, with its start value and domain."""
         return Variable(
-            name or self.name,
+            self.name,
             self.unit,
             self.description,
             causality,
@@ -164,8 +165,12 @@ class Symbol(Declaration[ca.SX]):
             minimum=self.minimum,
             maximum=self.maximum,
             strict=self.strict,
-            symbol="" if name else self.symbol,
+            symbol=self.symbol,
         )
+
+    def start_parameter(self) -> Variable:
+        """FMU parameter ``name_0`` for the start value."""
+        return replace(self.variable("parameter", "fixed"), name=suffixed(self.name, "_0"), symbol="")
 
 
 class Parameter(Symbol):
@@ -193,7 +198,7 @@ class Parameter(Symbol):
         size: str = "",
         unchecked: str | None = None,
     ) -> None:
-        self.leading, start = _leading(default, description)
+        self.leading, start = _leading_and_rest(default, description)
         if self.leading:
             start = self.leading[-1]
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
@@ -202,7 +207,7 @@ class Parameter(Symbol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its symbols."""
+        """Names of the symbols."""
         return (self.name,)
 
 
@@ -226,8 +231,8 @@ class ParameterArray(Parameter):
     def value_in(self, instance: Any) -> ca.SX:
         return ca.vertcat(*(instance.symbols[name] for name in self.names))
 
-    def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
-        return replace(super().variable(causality, variability, name), start=self.leading, dimension=self.dimension)
+    def variable(self, causality: Causality, variability: Variability) -> Variable:
+        return replace(super().variable(causality, variability), start=self.leading, dimension=self.dimension)
 
 
 class Gravity(Parameter):
@@ -275,17 +280,17 @@ class Coordinate(Symbol):
         symbol: str = "",
         size: str = "",
     ) -> None:
-        self.leading, rest = _leading(start, description)
+        self.leading, rest = _leading_and_rest(start, description)
         super().__init__(unit, description, start=rest, above=above, below=below, symbol=symbol)
-        self.leading_rates, rate = _leading(start_rate, description)
-        self.start_rate, self.size = _number(rate, description), size
-        self.nominal = _number(nominal, description)
+        self.leading_rates, rate = _leading_and_rest(start_rate, description)
+        self.start_rate, self.size = _finite_number(rate, description), size
+        self.nominal = _finite_number(nominal, description)
         if self.nominal <= 0:
             raise ComponentError(f"{description!r}: nominal = {nominal} must be > 0")
 
     def _element(self, i: int) -> Self:
         item = super()._element(i)
-        item.start_rate, item.leading_rates = _nth(self.leading_rates, i, self.start_rate), ()
+        item.start_rate, item.leading_rates = _element_value(self.leading_rates, i, self.start_rate), ()
         return item
 
 
@@ -337,14 +342,11 @@ class Size(Declaration[int]):
         self.default = self.checked("Size", default)
 
     def checked(self, owner: str, value: Any) -> int:
-        """Value as an ``int``.
+        """Number of links or elements as an ``int``.
 
         :raises ComponentError: unless it is a whole number >= 2.
         """
-        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if not whole or int(value) < 2:
-            name = f"{owner}: {self.name} = {value!r} ({self.description})"
-            raise ComponentError(f"{name}: it must be a whole number >= 2")
+        whole(f"{owner}: {self.name}", value, ComponentError, least=2)
         return int(value)
 
     def value_in(self, instance: Any) -> int:
@@ -399,7 +401,7 @@ class Attitude:
 
     @property
     def matrix(self) -> ca.SX:
-        """Rotation matrix, body to inertial frame, (3, 3); of a unit quaternion."""
+        """Rotation matrix (3, 3) from body to inertial frame, if the quaternion has unit length."""
         w, x, y, z = ca.vertsplit(self.quaternion)
         return ca.vertcat(
             ca.horzcat(1 - 2 * (y**2 + z**2), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -409,7 +411,7 @@ class Attitude:
 
     @property
     def kinematics(self) -> ca.SX:
-        """K with q̇ = K ω, (4, 3): q̇ = q (0, ω)/2 as quaternions."""
+        """Matrix K (4, 3) from the angular velocity to the rate of the quaternion, q̇ = K ω = q (0, ω)/2."""
         w, x, y, z = ca.vertsplit(self.quaternion)
         rows = ((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w))
         return ca.vertcat(*(ca.horzcat(*row) for row in rows)) / 2
@@ -422,6 +424,7 @@ class Orientation(Declaration[Attitude]):
     constant where no torque acts), and the outputs ``omega_x, omega_y, omega_z`` (body frame) with derivatives.
 
     :param start: ``"rate"``: the start values are ``omega_x_0``, ...; ``"momentum"``: they are ``H_x_0``, ...
+    :param prefix: of the names of these variables, where a mechanism has several orientations.
     """
 
     example = 'Orientation("attitude of the body")'
@@ -430,9 +433,11 @@ class Orientation(Declaration[Attitude]):
     accelerations = ("omega_x_dot", "omega_y_dot", "omega_z_dot")
     momenta = ("H_x", "H_y", "H_z")
 
-    def __init__(self, description: str, *, start: Literal["rate", "momentum"] = "rate") -> None:
+    def __init__(self, description: str, *, start: Literal["rate", "momentum"] = "rate", prefix: str = "") -> None:
         super().__init__("1", description)
         self.start = start
+        for kind in ("quaternion", "rates", "accelerations", "momenta"):
+            setattr(self, kind, tuple(prefix + name for name in getattr(self, kind)))
 
     def value_in(self, instance: Any) -> Attitude:
         columns = (self.quaternion, self.rates, self.momenta)
@@ -603,15 +608,21 @@ class rheonomic_constraint(DeclaredFormula[ca.SX]):
         self.active.name = name
 
 
+def declare(cls: type, name: str, declaration: Declaration) -> None:
+    """Add a declaration to a class, as if it stood in its body."""
+    setattr(cls, name, declaration)
+    declaration.__set_name__(cls, name)
+
+
 UNCHECKED = "unchecked_because"
 
 
 def unchecked(reason: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorator of a method, such as ``potential_energy``, whose unit is not checked; declarations take ``unchecked=``.
+    """Decorator of a method whose unit is not checked, as of ``potential_energy``; declarations take ``unchecked=``.
 
     :param reason: for example ``"an empirical law, numbers in SI units"``.
     """
-    why = _reason(reason)
+    why = _checked_reason(reason)
 
     def mark(method: Callable[P, T]) -> Callable[P, T]:
         setattr(method, UNCHECKED, why)
@@ -628,28 +639,21 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _reason(why: object) -> str:
+def _checked_reason(why: object) -> str:
     if not isinstance(why, str) or not why.strip():
         raise ComponentError(f"unchecked = {why!r}: say why, for example unchecked='an empirical law'")
     return why
 
 
-def _leading(value: float | tuple[float, ...], description: str) -> tuple[tuple[float, ...], float]:
-    """Values of the first elements of an array, and of the rest."""
-    return (tuple(_number(x, description) for x in value), 0.0) if isinstance(value, tuple) else ((), value)
+def _leading_and_rest(value: float | tuple[float, ...], description: str) -> tuple[tuple[float, ...], float]:
+    """Values of the first elements of an array, and the value of all further ones."""
+    return (tuple(_finite_number(x, description) for x in value), 0.0) if isinstance(value, tuple) else ((), value)
 
 
-def _nth(leading: tuple[float, ...], i: int, rest: float) -> float:
+def _element_value(leading: tuple[float, ...], i: int, rest: float) -> float:
     return leading[i] if i < len(leading) else rest
 
 
-def _number(value: float, description: str) -> float:
-    if isinstance(value, str):
-        raise ComponentError(f"{description!r}: {value!r} is text; write a number, without quotation marks")
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ComponentError(f"{description!r}: {value!r} is not a number") from None
-    if not math.isfinite(number):
-        raise ComponentError(f"{description!r}: {number} is not finite")
-    return number
+def _finite_number(value: float, description: str) -> float:
+    finite(repr(description), value, ComponentError)
+    return float(value)

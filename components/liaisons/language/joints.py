@@ -6,12 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite, pi
-from typing import Any, Literal, NoReturn, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
 
-from liaisons.errors import ComponentError
 from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
@@ -25,6 +24,9 @@ from liaisons.language.declarations import (
 
 Vector: TypeAlias = Sequence[float]
 """Three numbers."""
+
+NamedDeclarations: TypeAlias = Iterator[tuple[str, Declaration]]
+"""What a body or joint declares, by name."""
 
 MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 """Elements of a tensor of inertia, in their order in a declaration."""
@@ -43,8 +45,8 @@ class Frame:
     joint: Any  # a BodyJoint
     body: Any  # a Body; None: a massless body inside a joint
     parent: int  # its number; -1: ground
-    turn: ca.SX  # rotation matrix, frame to parent (3, 3)
-    place: ca.SX  # of its origin, in the parent (3, 1)
+    rotation: ca.SX  # rotation matrix, frame to parent (3, 3)
+    position: ca.SX  # of its origin, in the parent (3, 1)
     axes: ca.SX  # S, constant in the frame: v = X v_parent + S q̇ (6, k)
     prescribed: bool
     rows: list[int]  # of its coordinates among the free velocities, or the active coordinates
@@ -87,46 +89,36 @@ class Body(Declaration[BodyFrame]):
     def value_in(self, instance: Any) -> BodyFrame:
         return instance.frame_of(self)
 
-    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
-        """Parameters of the body."""
-        (mass,) = numbers(refuse, "mass", [self.mass], 1)
+    def declarations(self) -> NamedDeclarations:
+        """Parameters of the mass, the inertia and the centre of mass."""
+        (mass,) = finite_numbers(self, "mass", [self.mass], 1)
         moments = self.inertia if isinstance(self.inertia, Sequence) else [self.inertia] * 3
-        inertia = numbers(refuse, "inertia", moments, 3, 6)
+        inertia = finite_numbers(self, "inertia", moments, 3, 6)
         tensor = np.zeros((3, 3))
         for name, value in zip(MOMENTS, inertia, strict=False):
             i, j = ("xyz".index(axis) for axis in name)
             tensor[i, j] = tensor[j, i] = value
         principal = np.linalg.eigvalsh(tensor)
         if mass < 0:
-            refuse(f"mass = {mass:g}: it must be >= 0")
+            self.refuse(f"mass = {mass:g}: it must be >= 0")
         if principal[0] < -1e-12 * principal[2]:
-            refuse(f"inertia = {self.inertia}: its principal moments are {principal}; they must be >= 0")
+            self.refuse(f"inertia = {self.inertia}: its principal moments are {principal}; they must be >= 0")
         if principal[2] > (principal[0] + principal[1]) * (1 + 1e-9):
-            refuse(f"inertia = {self.inertia}: of its principal moments {principal} one exceeds the sum of the others")
-        if mass == 0 and any(numbers(refuse, "centre", self.centre, 3)):
-            refuse(f"centre = {self.centre}: a body without mass has none; give its mass")
-        yield from parameters_of(f"{self.name}_mass", [""], [mass], "kg", f"mass of {self.name}", above=0)
-        text, ends = f"moment of inertia of {self.name} about its centre of mass", [f"_{name}" for name in MOMENTS]
-        yield from parameters_of(f"{self.name}_inertia", ends[:3], inertia[:3], "kg.m2", text, above=0)
-        yield from parameters_of(f"{self.name}_inertia", ends[3:], inertia[3:], "kg.m2", text)
-        yield from places_of(refuse, f"{self.name}_centre", "centre", self.centre, f"centre of mass of {self.name}")
+            why = f"of its principal moments {principal} one exceeds the sum of the others"
+            self.refuse(f"inertia = {self.inertia}: {why}")
+        if mass == 0 and any(finite_numbers(self, "centre", self.centre, 3)):
+            self.refuse(f"centre = {self.centre}: a body without mass has none; give its mass")
+        name = self.name
+        yield from nonzero_parameters(f"{name}_mass", [""], [mass], "kg", f"mass of {name}", above=0)
+        text, endings = f"moment of inertia of {name} about its centre of mass", [f"_{moment}" for moment in MOMENTS]
+        yield from nonzero_parameters(f"{name}_inertia", endings[:3], inertia[:3], "kg.m2", text, above=0)
+        yield from nonzero_parameters(f"{name}_inertia", endings[3:], inertia[3:], "kg.m2", text)
+        yield from position_parameters(self, "centre", self.centre, f"{name}_centre", f"centre of mass of {name}")
 
 
 ground = Body()
 """The inertial frame, to which joints attach bodies."""
 ground.name = "ground"
-
-
-class JointOrientation(Orientation):
-    """Orientation of a spherical joint, whose variables carry its name."""
-
-    def __init__(self, joint: str, description: str) -> None:
-        super().__init__(description)
-        self.name = joint
-        self.quaternion, self.rates, self.momenta = (  # pyright: ignore[reportIncompatibleVariableOverride]
-            tuple(f"{joint}_{name}" for name in names)
-            for names in (Orientation.quaternion, Orientation.rates, Orientation.momenta)
-        )
 
 
 class BodyJoint(Declaration[ca.SX]):
@@ -169,7 +161,9 @@ class BodyJoint(Declaration[ca.SX]):
         friction: float = 0.0,
     ) -> None:
         super().__init__("1", "joint")
-        self.parent, self.child, self.axis, self.prescribed = parent, child, axis, prescribed
+        self.parent, self.child, self.axis = parent, child, axis
+        endings = tuple(ending.removeprefix("_") for ending, _, _ in self.motions)
+        self.prescribed = endings if prescribed is True else prescribed or ()
         self.at, self.rotation, self.at_child, self.rotation_child = at, rotation, at_child, rotation_child
         self.start, self.start_rate, self.limits, self.restitution = start, start_rate, limits, restitution
         self.stiffness, self.damping, self.friction = stiffness, damping, friction
@@ -184,104 +178,100 @@ class BodyJoint(Declaration[ca.SX]):
         return ca.vertcat(*(instance.symbols[f"{self.name}{end}"] for end, kind, _ in self.motions if kind != "ball"))
 
     def is_prescribed(self, ending: str) -> bool:
-        """Whether an operator prescribes the coordinate with this ending."""
-        listed = () if isinstance(self.prescribed, bool) else self.prescribed
-        return self.prescribed is True or ending.removeprefix("_") in listed
+        """Whether an operator prescribes the coordinate whose name has this ending."""
+        return ending.removeprefix("_") in self.prescribed
 
-    def declarations(self, refuse: Refusal, closes: bool) -> Iterator[Declaration]:
-        """Parameters of where the joint lies, and, unless it closes a loop, its coordinates with limits and laws."""
-        if not np.all(np.isfinite(direction(self.axis))):
-            refuse(f"axis = {self.axis!r}: it is 'x', 'y', 'z', or a vector of three numbers that are not all 0")
-        for key in ("rotation", "rotation_child"):
-            numbers(refuse, key, getattr(self, key), 3)
-        yield from places_of(refuse, f"{self.name}_at", "at", self.at, f"place of {self.name} in {self.parent.name}")
-        text = f"place of {self.name} in {self.child.name}"
-        children = list(places_of(refuse, f"{self.name}_at_child", "at_child", self.at_child, text))
-        if not closes and (children or any(self.rotation_child)):
-            refuse(f"at_child is of a joint that closes a loop; this one lies at the origin of {self.child.name}")
-        yield from children if closes else self._moving(refuse)
+    def declarations(self, closes: bool) -> NamedDeclarations:
+        """Parameters of the joint's position, and, unless it closes a loop, its coordinates with limits and laws."""
+        if not np.all(np.isfinite(unit_vector(self.axis))):
+            self.refuse(f"axis = {self.axis!r}: it is 'x', 'y', 'z', or a vector of three numbers that are not all 0")
+        for argument in ("rotation", "rotation_child"):
+            finite_numbers(self, argument, getattr(self, argument), 3)
+        text = f"place of {self.name} in "
+        yield from position_parameters(self, "at", self.at, f"{self.name}_at", text + self.parent.name)
+        in_child = [
+            *position_parameters(self, "at_child", self.at_child, f"{self.name}_at_child", text + self.child.name)
+        ]
+        if not closes and (in_child or any(self.rotation_child)):
+            self.refuse(f"at_child is of a joint that closes a loop; this one lies at the origin of {self.child.name}")
+        yield from in_child if closes else self._motion_declarations()
 
-    def _moving(self, refuse: Refusal) -> Iterator[Declaration]:
+    def _motion_declarations(self) -> NamedDeclarations:
+        """Coordinates of the motions, with the parameters and contacts that act on them."""
         endings = tuple(ending.removeprefix("_") for ending, kind, _ in self.motions if kind != "ball")
-        wrong = [] if isinstance(self.prescribed, bool) else [e for e in self.prescribed if e not in endings]
-        if wrong:
-            refuse(f"prescribed = {self.prescribed}: {wrong[0]!r} is none of its coordinates {endings}")
         if self.prescribed and len(endings) < len(self.motions):
-            refuse("an orientation cannot be prescribed: three Revolute joints with massless bodies between can")
+            self.refuse("an orientation cannot be prescribed: three Revolute joints with massless bodies between can")
+        for ending in set(self.prescribed).difference(endings):
+            self.refuse(f"prescribed = {self.prescribed}: {ending!r} is none of its coordinates {endings}")
         if self.friction and all(map(self.is_prescribed, endings)):
-            refuse("friction is against a free coordinate, and all of this joint are prescribed")
+            self.refuse("friction is against a free coordinate, and all of this joint are prescribed")
         starts, rates = (
-            numbers(refuse, name, [value] * len(endings) if isinstance(value, (int, float)) else value, len(endings))
-            for name, value in (("start", self.start), ("start_rate", self.start_rate))
+            finite_numbers(self, name, [x] * len(endings) if isinstance(x, (int, float)) else x, len(endings))
+            for name, x in (("start", self.start), ("start_rate", self.start_rate))
         )
-        self._limits(refuse)
-        yield from self._laws(refuse)
-        for i, (_, kind, _) in enumerate(self.motions):
+        low, high = self._checked_limits() if self.limits is not None else (None, None)
+        yield from self._law_parameters()
+        for i, (ending, kind, _) in enumerate(self.motions):
             text = f"{'orientation' if kind == 'ball' else kind} of {self.child.name} against {self.parent.name}"
+            unit, name = "m" if kind == "shift" else "rad", f"{self.name}{ending}"
             if kind == "ball":
-                yield JointOrientation(self.name, text)
+                yield name, Orientation(text, prefix=f"{name}_")
+            elif self.is_prescribed(ending):
+                yield name, ActiveCoordinate(unit, text, start=starts[i], minimum=low, maximum=high)
             else:
-                yield from self._coordinate(refuse, i, text, starts[i], rates[i])
+                yield name, Coordinate(unit, text, start=starts[i], start_rate=rates[i])
+                if low is not None and high is not None:
+                    yield from _stop_declarations(name, unit, low, high, self.restitution)
+                if self.friction:
+                    slip = dry_friction(f"{unit}/s", f"slip of {name}", static=f"{self.name}_friction")
+                    yield f"{name}_slip", slip(partial(_rate_of, name=name))
 
-    def _laws(self, refuse: Refusal) -> Iterator[Parameter]:
-        """Parameters of stiffness, damping and friction."""
+    def _checked_limits(self) -> list[float]:
+        """Lowest and highest value of the one coordinate."""
+        limits = finite_numbers(self, "limits", self.limits, 2)
+        if len(self.motions) != 1 or self.motions[0][1] == "ball":
+            self.refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
+        if limits[0] >= limits[1]:
+            self.refuse(f"limits = {self.limits}: the lower one comes first")
+        return limits
+
+    def _law_parameters(self) -> NamedDeclarations:
+        """Parameters of stiffness, damping and dry friction."""
         kinds = {kind for _, kind, _ in self.motions}
         for name, unit in (_UNITS if kinds == {"shift"} else _TURNING).items():
             if not (value := getattr(self, name)):
                 continue
             if len(kinds) != 1 or (kinds == {"ball"} and name != "damping"):
-                refuse(f"{name} = {value}: of coordinates of different kinds; use SpringDamper, or a joint for each")
-            (number,) = numbers(refuse, name, [value], 1)
+                self.refuse(
+                    f"{name} = {value}: of coordinates of different kinds; use SpringDamper, or a joint for each"
+                )
+            (number,) = finite_numbers(self, name, [value], 1)
             if number < 0:
-                refuse(f"{name} = {number:g}: it must be >= 0")
-            yield named(Parameter(number, unit, f"{name} of {self.name}", minimum=0), f"{self.name}_{name}")
-
-    def _coordinate(self, refuse: Refusal, i: int, text: str, start: float, rate: float) -> Iterator[Declaration]:
-        ending, kind, _ = self.motions[i]
-        unit, name = "m" if kind == "shift" else "rad", f"{self.name}{ending}"
-        low, high = self._limits(refuse)
-        if self.is_prescribed(ending):
-            yield named(ActiveCoordinate(unit, text, start=start, minimum=low, maximum=high), name)
-            return
-        yield named(Coordinate(unit, text, start=start, start_rate=rate), name)
-        if low is not None and high is not None:
-            yield from _stops(name, unit, low, high, self.restitution)
-        if self.friction:
-            slip = dry_friction(f"{unit}/s", f"slip of {name}", static=f"{self.name}_friction")
-            yield named(slip(lambda m: m.dot(m.symbols[name])), f"{name}_slip")
-
-    def _limits(self, refuse: Refusal) -> tuple[float | None, float | None]:
-        if self.limits is None:
-            return None, None
-        low, high = numbers(refuse, "limits", self.limits, 2)
-        if len(self.motions) != 1 or self.motions[0][1] == "ball":
-            refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
-        if low >= high:
-            refuse(f"limits = {self.limits}: the lower one comes first")
-        return low, high
+                self.refuse(f"{name} = {number:g}: it must be >= 0")
+            yield f"{self.name}_{name}", Parameter(number, unit, f"{name} of {self.name}", minimum=0)
 
     def frames(self, m: Any, parent: int, count: int, rows: Mapping[str, list[int]]) -> Iterator[Frame]:
-        """Frames from one body to the other, one a motion; a weld has one that does not move.
+        """Frames that the motions move, one each, from the first body to the second; that of a weld is fixed.
 
         :param parent: number of the first body's frame; ``count`` that of the first new one.
         :param rows: by coordinate or orientation.
         """
-        turn, place = rotated(self.rotation), m.vector(f"{self.name}_at")
+        rotation, position = roll_pitch_yaw_rotation(self.rotation), m.parameter_vector(f"{self.name}_at")
         for i, (ending, kind, axis) in enumerate(self.motions or [("", "weld", "")]):
             name = f"{self.name}{ending}" if kind != "ball" else self.name
-            unit, axes = ca.SX(ca.sparsify(ca.DM(direction(axis or self.axis)))), ca.SX(6, 0)
+            unit, axes = ca.SX(ca.sparsify(ca.DM(unit_vector(axis or self.axis)))), ca.SX(6, 0)
             if kind == "ball":
-                turn, axes = turn @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
+                rotation, axes = rotation @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
             elif kind != "weld":
-                q, advance = m.symbols[name], m.number(f"{self.name}_pitch") / (2 * pi)
-                place += turn @ unit * (q if kind == "shift" else advance * q)
+                q, advance = m.symbols[name], m.parameter_or_zero(f"{self.name}_pitch") / (2 * pi)
+                position += rotation @ unit * (q if kind == "shift" else advance * q)
                 axes = ca.vertcat(ca.SX(3, 1), unit) if kind == "shift" else ca.vertcat(unit, advance * unit)
-                turn = turn @ about(unit, q) if kind == "turn" else turn
+                rotation = rotation @ axis_rotation(unit, q) if kind == "turn" else rotation
             last = i + 1 >= len(self.motions)
             prescribed = kind == "weld" or self.is_prescribed(ending)
             body, own = self.child if last else None, rows.get(name, [])
-            yield Frame(name, self, body, parent, turn, place, axes, prescribed, own)
-            turn, place, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
+            yield Frame(name, self, body, parent, rotation, position, axes, prescribed, own)
+            rotation, position, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
 
 
 class Revolute(BodyJoint):
@@ -316,10 +306,10 @@ class Screw(BodyJoint):
         super().__init__(parent, child, **more)
         self.pitch = pitch
 
-    def _moving(self, refuse: Refusal) -> Iterator[Declaration]:
-        (pitch,) = numbers(refuse, "pitch", [self.pitch], 1)
-        yield from parameters_of(f"{self.name}_pitch", [""], [pitch], "m", f"shift of {self.name} in one revolution")
-        yield from super()._moving(refuse)
+    def _motion_declarations(self) -> NamedDeclarations:
+        pitch = finite_numbers(self, "pitch", [self.pitch], 1)
+        yield from nonzero_parameters(f"{self.name}_pitch", [""], pitch, "m", f"shift of {self.name} in one revolution")
+        yield from super()._motion_declarations()
 
 
 class Universal(BodyJoint):
@@ -369,11 +359,14 @@ class BodyPoint(point):
         self.method = self._components
 
     def _components(self, m: Any) -> dict[str, ca.SX]:
-        return dict(zip("xyz", ca.vertsplit(m.frame_of(self.body).position(m.vector(f"{self.name}_at"))), strict=True))
+        return dict(
+            zip("xyz", ca.vertsplit(m.frame_of(self.body).position(m.parameter_vector(f"{self.name}_at"))), strict=True)
+        )
 
-    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
-        """Parameters of its place."""
-        return places_of(refuse, f"{self.name}_at", "at", self.at, f"place of {self.name} in {self.body.name}")
+    def declarations(self) -> NamedDeclarations:
+        """Parameters of the position in the body's frame."""
+        text = f"place of {self.name} in {self.body.name}"
+        return position_parameters(self, "at", self.at, f"{self.name}_at", text)
 
 
 class SpringDamper(Declaration[ca.SX]):
@@ -391,9 +384,9 @@ class SpringDamper(Declaration[ca.SX]):
         self.ends, self.laws = (a, b), {"stiffness": stiffness, "damping": damping, "length": length}
 
     @property
-    def both(self) -> tuple[tuple[Attachment, str], ...]:
-        """The ends, and the names of the parameters of their places."""
-        return tuple((end, f"{self.name}_{which}") for end, which in zip(self.ends, "ab", strict=True))
+    def named_ends(self) -> tuple[tuple[Attachment, str], ...]:
+        """The two ends, each with the name of the parameters of its position: ``S_a``, ``S_b``."""
+        return tuple((end, f"{self.name}_{letter}") for end, letter in zip(self.ends, "ab", strict=True))
 
     @property
     def bodies(self) -> tuple[Any, ...]:
@@ -401,42 +394,43 @@ class SpringDamper(Declaration[ca.SX]):
         return tuple(e.body if isinstance(e, BodyPoint) else e[0] if isinstance(e, tuple) else e for e in self.ends)
 
     def value_in(self, instance: Any) -> ca.SX:
-        return ca.norm_2(self.between(instance))
+        """Distance of the ends [m]."""
+        return ca.norm_2(self.vector_between(instance))
 
-    def between(self, m: Any) -> ca.SX:
-        """Vector from one end to the other [m], (3, 1)."""
-        a, b = (m.attached(end, name) for end, name in self.both)
+    def vector_between(self, m: Any) -> ca.SX:
+        """Vector from end a to end b [m], (3, 1)."""
+        a, b = (m.attached(end, name) for end, name in self.named_ends)
         return b - a
 
-    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
-        """Parameters of its laws, and of its ends."""
+    def declarations(self) -> NamedDeclarations:
+        """Parameters of stiffness, damping and length, and of the positions of the ends."""
         for name, value in self.laws.items():
-            (number,) = numbers(refuse, name, [value], 1)
+            (number,) = finite_numbers(self, name, [value], 1)
             if number < 0:
-                refuse(f"{name} = {number:g}: it must be >= 0")
-            unit = "m" if name == "length" else _UNITS[name]
-            yield from parameters_of(f"{self.name}_{name}", [""], [number], unit, f"{name} of {self.name}", minimum=0)
-        for end, name in self.both:
+                self.refuse(f"{name} = {number:g}: it must be >= 0")
+            unit, text = "m" if name == "length" else _UNITS[name], f"{name} of {self.name}"
+            yield from nonzero_parameters(f"{self.name}_{name}", [""], [number], unit, text, minimum=0)
+        for end, name in self.named_ends:
             if isinstance(end, tuple):
-                yield from places_of(refuse, name, "ends", end[1], f"end of {self.name}")
+                yield from position_parameters(self, "ends", end[1], name, f"end of {self.name}")
+
+
+def _rate_of(m: Any, *, name: str) -> ca.SX:
+    return m.dot(m.symbols[name])
 
 
 def column(values: Sequence[Any] | ca.SX) -> ca.SX:
-    """Column of three numbers or expressions, zeros structural."""
+    """Column of numbers or expressions; zeros are structural."""
     return ca.sparsify(values if isinstance(values, ca.SX) else ca.vertcat(*map(ca.SX, values)))
 
 
 def skew(r: ca.SX) -> ca.SX:
-    """Matrix of r × (3, 3), zeros structural."""
-    matrix = ca.SX(3, 3)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        if r.sparsity().has_nz(k, 0):
-            matrix[i, j], matrix[j, i] = -r[k], r[k]
-    return matrix
+    """Matrix of the cross product r × (3, 3); zeros are structural."""
+    return ca.sparsify(ca.skew(r))
 
 
-def direction(axis: Any) -> np.ndarray:
-    """Unit vector of an axis; not finite if it has none."""
+def unit_vector(axis: Any) -> np.ndarray:
+    """Unit vector of an axis, ``"-x"`` or three numbers; NaN if it is none."""
     try:
         named_axis = isinstance(axis, str) and _AXES[axis.removeprefix("-")]
         vector = np.array(named_axis or axis, dtype=float) * (-1 if named_axis and axis[0] == "-" else 1)
@@ -446,72 +440,60 @@ def direction(axis: Any) -> np.ndarray:
         return vector / np.linalg.norm(vector)
 
 
-def about(axis: ca.SX, angle: ca.SX) -> ca.SX:
-    """Rotation matrix (3, 3) of a turn about a unit vector (Rodrigues), zeros structural."""
+def axis_rotation(axis: ca.SX, angle: ca.SX) -> ca.SX:
+    """Rotation matrix (3, 3) about a unit vector by an angle [rad], after Rodrigues; zeros are structural."""
     K, square = skew(axis), axis @ axis.T
     c, s = ca.cos(angle), ca.sin(angle)
     return ca.sparsify(square + c * (ca.SX.eye(3) - square) + s * K)
 
 
-def rotated(angles: Vector) -> ca.SX:
-    """Rotation matrix (3, 3) of roll, pitch and yaw, zeros structural."""
+def roll_pitch_yaw_rotation(roll_pitch_yaw: Vector) -> ca.SX:
+    """Rotation matrix (3, 3) of roll, pitch and yaw [rad]; zeros are structural."""
     matrix = np.eye(3)
-    for axis, angle in zip("xyz", angles, strict=True):
-        matrix = np.array(ca.DM(about(ca.SX(ca.DM(_AXES[axis])), ca.SX(float(angle))))) @ matrix
+    for axis, angle in zip("xyz", roll_pitch_yaw, strict=True):
+        matrix = np.array(ca.DM(axis_rotation(ca.SX(ca.DM(_AXES[axis])), ca.SX(float(angle))))) @ matrix
     return ca.SX(ca.sparsify(ca.DM(np.where(np.abs(matrix) < 1e-15, 0.0, matrix))))
 
 
-class Refusal:
-    """Raises a ComponentError about a declaration."""
-
-    def __init__(self, owner: str, name: str) -> None:
-        self.label = f"{owner}.{name}"
-
-    def __call__(self, why: str) -> NoReturn:
-        raise ComponentError(f"{self.label}: {why}")
-
-
-def numbers(refuse: Refusal, name: str, values: Any, *counts: int) -> list[float]:
-    """Values as so many finite numbers; anything else is refused."""
+def finite_numbers(item: Declaration, argument: str, values: Any, *counts: int) -> list[float]:
+    """Values of an argument of a declaration, which refuses them unless they are so many finite numbers."""
     try:
         numbers = [float(value) for value in values]
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) not in counts or not all(map(isfinite, numbers)) or isinstance(values, str):
-        refuse(f"{name} = {values!r}: it must have {' or '.join(map(str, counts))} finite numbers")
+        item.refuse(f"{argument} = {values!r}: it must have {' or '.join(map(str, counts))} finite numbers")
     return numbers
 
 
-def places_of(refuse: Refusal, name: str, key: str, values: Vector, text: str) -> Iterator[Parameter]:
-    """Parameters of the components of a place that are not 0."""
-    return parameters_of(name, ["_x", "_y", "_z"], numbers(refuse, key, values, 3), "m", text)
+def position_parameters(
+    item: Declaration, argument: str, position: Vector, name: str, description: str
+) -> NamedDeclarations:
+    """Parameters ``name_x``, ``name_y``, ``name_z`` of a position; components that are 0 have none."""
+    numbers = finite_numbers(item, argument, position, 3)
+    return nonzero_parameters(name, ["_x", "_y", "_z"], numbers, "m", description)
 
 
-def parameters_of(
-    name: str, endings: Iterable[str], values: Iterable[float], unit: str, text: str, **domain: Any
-) -> Iterator[Parameter]:
-    """Parameters of the values that are not 0."""
+def nonzero_parameters(
+    name: str, endings: Iterable[str], values: Iterable[float], unit: str, description: str, **domain: Any
+) -> NamedDeclarations:
+    """Parameters of the values that are not 0, each with its ending of the name."""
     for ending, value in zip(endings, values, strict=False):
         if value:
-            yield named(Parameter(value, unit, f"{text}{ending.replace('_', ', ')}", **domain), f"{name}{ending}")
+            yield f"{name}{ending}", Parameter(value, unit, f"{description}{ending.replace('_', ', ')}", **domain)
 
 
-def named(item: Any, name: str) -> Any:
-    """The declaration, with its name."""
-    item.name = name
-    return item
-
-
-def _stops(name: str, unit: str, low: float, high: float, restitution: float) -> Iterator[Declaration]:
+def _stop_declarations(name: str, unit: str, low: float, high: float, restitution: float) -> NamedDeclarations:
     bounce = f"{name}_restitution" if restitution else None
     if bounce:
-        yield named(Parameter(restitution, "1", f"restitution at the stops of {name}", minimum=0, maximum=1), bounce)
+        yield bounce, Parameter(restitution, "1", f"restitution at the stops of {name}", minimum=0, maximum=1)
     for side, sign, bound in (("minimum", 1, low), ("maximum", -1, high)):
         limit = f"{name}_{side}"
-        yield named(Parameter(bound, unit, f"{side} of {name}"), limit)
+        yield limit, Parameter(bound, unit, f"{side} of {name}")
         gap = unilateral(unit, f"distance of {name} from its {side}", restitution=bounce)
-        yield named(gap(partial(_gap, name=name, limit=limit, sign=sign)), f"{name}_{'above' if sign > 0 else 'below'}")
+        ending = "above" if sign > 0 else "below"
+        yield f"{name}_{ending}", gap(partial(_distance_to_limit, name=name, limit=limit, sign=sign))
 
 
-def _gap(m: Any, *, name: str, limit: str, sign: int) -> ca.SX:
+def _distance_to_limit(m: Any, *, name: str, limit: str, sign: int) -> ca.SX:
     return sign * (m.symbols[name] - m.symbols[limit])

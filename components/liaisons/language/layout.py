@@ -43,11 +43,11 @@ class Layout:
         return self.parameters + self.inputs + self.outputs
 
     def flat(self) -> Self:
-        """Layout with a variable for each element of an array."""
+        """Layout with scalar variables only: one for each element of an array."""
         names = {v.name: [item.name for item in v.elements()] for v in self.variables}
 
-        def each(*group: str) -> Iterator[tuple[str, ...]]:
-            """Tuples of names, element by element."""
+        def by_element(*group: str) -> Iterator[tuple[str, ...]]:
+            """Names of the elements of several arrays: a tuple for each index."""
             return zip(*(names[name] for name in group), strict=True)
 
         def elements(group: Iterable[Variable]) -> tuple[Variable, ...]:
@@ -58,26 +58,26 @@ class Layout:
             parameters=elements(self.parameters),
             inputs=elements(self.inputs),
             outputs=elements(self.outputs),
-            states=tuple(State(*pair) for state in self.states for pair in each(*state)),
-            active=tuple(ActiveInput(*triple) for item in self.active for triple in each(*item)),
+            states=tuple(State(*pair) for state in self.states for pair in by_element(*state)),
+            active=tuple(ActiveInput(*triple) for item in self.active for triple in by_element(*item)),
             ports=tuple(
                 Terminal(name, p.kind, tuple(map(TerminalMember, (m.role for m in p.members), variables)))
                 for p in self.ports
-                for name, *variables in each(p.name, *(m.variable for m in p.members))
+                for name, *variables in by_element(p.name, *(m.variable for m in p.members))
             ),
         )
 
     def with_arrays(self, dimensions: Mapping[int, Dimension]) -> Layout:
-        """Layout with arrays in the place of their elements.
+        """Layout with an array in place of its elements.
 
-        :param dimensions: by their number of elements.
+        :param dimensions: of the arrays, by number of elements.
         """
 
         def arrays(variables: Iterable[Variable]) -> tuple[Variable, ...]:
             groups: dict[str, list[Variable]] = {}
             for variable in variables:
                 groups.setdefault(split(variable.name)[0], []).append(variable)
-            return tuple(_joined(name, group, dimensions) for name, group in groups.items())
+            return tuple(_array_variable(name, group, dimensions) for name, group in groups.items())
 
         states = dict.fromkeys(State(*(split(name)[0] for name in state)) for state in self.states)
         ports = dict.fromkeys(
@@ -94,7 +94,7 @@ class Layout:
         )
 
 
-def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Dimension]) -> Variable:
+def _array_variable(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Dimension]) -> Variable:
     first = elements[0]
     if first.name == name:  # a scalar
         return first
@@ -121,31 +121,28 @@ zero_sum = partial(zero, variability="discrete")
 """An input that sums what happens at events."""
 
 
-def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
-    """The rate of a state, where it is no output."""
+def local_rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
+    """Local variable for the rate of a state."""
     own = suffixed(name, "_dot")
     return readable(own, unit, text, causality="local", derivative_of=name, dimension=dimension)
 
 
-def start(name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None) -> Variable:
-    """Parameter of an initial value without a declaration."""
+def start_parameter(
+    name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None
+) -> Variable:
+    """Parameter ``name_0`` for the initial value of a variable."""
     text = f"initial value of {name}"
     return Variable(suffixed(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
 
 
-def of_internal(state: InternalState) -> Iterator[Variable]:
-    """An internal state and its rate."""
+def internal_state_outputs(state: InternalState) -> Iterator[Variable]:
+    """Output of an internal state, and the local variable of its rate."""
     yield readable(state.name, state.unit, state.description, symbol=state.symbol)
-    yield rate(state.name, units.rate(state.unit), f"rate of {state.name}")
-
-
-def start_of_internal(state: InternalState) -> Variable:
-    """Initial value of an internal state."""
-    return state.variable("parameter", "fixed", f"{state.name}_0")
+    yield local_rate(state.name, units.rate(state.unit), f"rate of {state.name}")
 
 
 def port(name: str, unit: str, kind: TerminalKind, *, impulse: bool = True) -> Terminal:
-    """The terminal of a mechanical connection: position, rate, acceleration, force or load, and impulses."""
+    """Terminal of a mechanical port: position, rate, acceleration, force or load, and impulses."""
     endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load", *["_impulse"] * impulse)
     variables = [suffixed(name, ending) for ending in endings]
     roles = _ROTATION if unit == "rad" else _TRANSLATION

@@ -11,8 +11,9 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import declared
-from liaisons.language.declarations import Gravity
+from liaisons.language.checks import declarations_of
+from liaisons.language.component import DeclarationsOf
+from liaisons.language.declarations import Gravity, declare
 from liaisons.language.joints import (
     MOMENTS,
     Attachment,
@@ -21,14 +22,13 @@ from liaisons.language.joints import (
     BodyJoint,
     BodyPoint,
     Frame,
-    Refusal,
     SpringDamper,
     column,
     ground,
     skew,
 )
 from liaisons.language.loops import close_loops
-from liaisons.language.mechanism import Mechanism, is_inertia
+from liaisons.language.mechanism import Mechanism, is_positive_definite
 from liaisons.language.shapes import Ball, Rod, Shape, Shapes, Spring
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class Linkage(Mechanism, abstract=True):
     redundant: ClassVar[tuple[str, ...]] = ()  # conditions of loops that follow from the others
     left_out: ClassVar[tuple[str, ...]] = ()  # what a robot's file has, and the linkage has not
     visuals: ClassVar[Mapping[str, Sequence[Callable[[BodyFrame], Shape]]]] = {}  # shapes, by body
+    _springs = DeclarationsOf(SpringDamper)
     _tree: ClassVar[tuple[BodyJoint, ...]] = ()  # from ground outwards
     _closing: ClassVar[tuple[BodyJoint, ...]] = ()
     _joints: ClassVar[Mapping[str, BodyJoint]] = {}
@@ -56,7 +57,7 @@ class Linkage(Mechanism, abstract=True):
         if not abstract:
             _declare(cls)
             if cls._closing:
-                cls.redundant = close_loops(cls, cls._closing)
+                close_loops(cls, cls._closing)
         super().__init_subclass__(abstract=abstract, **kwargs)
 
     def __init__(self) -> None:
@@ -65,12 +66,12 @@ class Linkage(Mechanism, abstract=True):
         rows = {name: [i] for group in (names, [s.name for s in self.actives]) for i, name in enumerate(group)}
         rows |= {o.name: [names.index(name) for name in o.rates] for o in self.orientations}
         self.frames: list[Frame] = []
-        self._moving: list[BodyFrame] = []
+        self._body_frames = {-1: _GROUND}
         self._numbers = {ground.name: -1}
         for joint in self._tree:
             for frame in joint.frames(self, self._numbers[joint.parent.name], len(self.frames), rows):
+                self._body_frames[len(self.frames)] = self._body_frame(frame)
                 self.frames.append(frame)
-                self._moving.append(self._moved(frame))
             self._numbers[joint.child.name] = len(self.frames) - 1
 
     @classmethod
@@ -87,7 +88,7 @@ class Linkage(Mechanism, abstract=True):
 
     @classmethod
     def from_mjcf(cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> type[Linkage]:
-        """A class of an MJCF file's bodies and joints, with its gravity; parameters and errors as of from_urdf."""
+        """A class of an MJCF file's bodies and joints, with its gravity; arguments are those of from_urdf."""
         from liaisons.language.robot_files.mjcf import read_mjcf
 
         return cls._of_robot(read_mjcf(path, prescribe, limits=limits))
@@ -95,7 +96,7 @@ class Linkage(Mechanism, abstract=True):
     @classmethod
     def _of_robot(cls, robot: Robot) -> type[Linkage]:
         try:
-            return type(cls)(robot.name, (cls,), robot.members_of_class())
+            return type(cls)(robot.name, (cls,), robot.class_members())
         except ComponentError as error:
             raise ComponentError(f"{robot.path}: {error}") from None
 
@@ -103,63 +104,63 @@ class Linkage(Mechanism, abstract=True):
 
     def frame_of(self, body: Body) -> BodyFrame:
         """Symbols of the frame of a body."""
-        return self._frame(self._numbers[body.name])
+        return self._body_frames[self._numbers[body.name]]
 
     def attached(self, point: Attachment, name: str = "") -> ca.SX:
         """Inertial coordinates of a point [m], (3, 1).
 
-        :param name: of the parameters of its place, unless it is declared.
+        :param name: of the parameters of its position in the body, unless it is a BodyPoint.
         """
         if isinstance(point, BodyPoint):
             return stack(getattr(self, point.name).values())
         body = point[0] if isinstance(point, tuple) else point
-        return self.frame_of(body).position(self.vector(name))
+        return self.frame_of(body).position(self.parameter_vector(name))
 
     def elastic_energy(self) -> ca.SX:
-        """V beside that of the weights: of the springs, at joints and between points."""
+        """Potential energy of the springs, at joints and between points."""
         total = ca.SX(0)
         for joint in self._tree:
-            total += self.number(f"{joint.name}_stiffness") / 2 * ca.sumsqr(joint.value_in(self))
+            total += self.parameter_or_zero(f"{joint.name}_stiffness") / 2 * ca.sumsqr(joint.value_in(self))
         for spring in self._springs:
-            length = self.number(f"{spring.name}_length")
-            stretch = getattr(self, spring.name) - length if length.nnz() else spring.between(self)
-            total += self.number(f"{spring.name}_stiffness") / 2 * ca.sumsqr(stretch)
+            length = self.parameter_or_zero(f"{spring.name}_length")
+            stretch = getattr(self, spring.name) - length if length.nnz() else spring.vector_between(self)
+            total += self.parameter_or_zero(f"{spring.name}_stiffness") / 2 * ca.sumsqr(stretch)
         return total
 
-    def number(self, name: str) -> ca.SX:
-        """Parameter, or a structural 0 without one of this name."""
+    def parameter_or_zero(self, name: str) -> ca.SX:
+        """Symbol of a parameter; a structural 0 if there is none of this name."""
         return self.symbols.get(name, ca.SX(1, 1))
 
-    def vector(self, name: str) -> ca.SX:
-        """Parameters ``name_x``, ``name_y``, ``name_z``; (3, 1), zeros structural."""
-        return stack(self.number(f"{name}_{axis}") for axis in "xyz")
+    def parameter_vector(self, name: str) -> ca.SX:
+        """Column of the parameters ``name_x``, ``name_y``, ``name_z`` (3, 1); zeros are structural."""
+        return stack(self.parameter_or_zero(f"{name}_{axis}") for axis in "xyz")
 
     def spatial_inertia(self, body: Body | None) -> ca.SX:
-        """Inertia of a body about the origin of its frame: (spin, velocity) to angular and linear momentum (6, 6)."""
-        mass = self.number(f"{body.name}_mass") if body else ca.SX(1, 1)
+        """Matrix (6, 6) from angular velocity and velocity of a body's frame to angular momentum and momentum."""
         if body is None:
             return ca.SX(6, 6)
-        tensor = ca.SX(3, 3)
+        mass, tensor = self.parameter_or_zero(f"{body.name}_mass"), ca.SX(3, 3)
         for moment in MOMENTS:
             if (name := f"{body.name}_inertia_{moment}") in self.symbols:
                 i, j = ("xyz".index(axis) for axis in moment)
                 tensor[i, j] = tensor[j, i] = self.symbols[name]
-        offset = skew(self.vector(f"{body.name}_centre"))
+        offset = skew(self.parameter_vector(f"{body.name}_centre"))
         first = mass * offset
         return ca.sparsify(ca.blockcat(tensor - first @ offset, first, first.T, mass * ca.SX.eye(3)))
 
     # ---- a mechanism -----------------------------------------------------------------------------------------
 
     def kinetic_energy(self) -> ca.SX:
-        motions = (
-            (frame.body, ca.vertcat(r.spin, r.velocity)) for frame, r in zip(self.frames, self._moving, strict=True)
-        )
-        return sum((ca.dot(v, self.spatial_inertia(body) @ v) / 2 for body, v in motions), ca.SX(0))
+        total = ca.SX(0)
+        for i, frame in enumerate(self.frames):
+            velocity = ca.vertcat(self._body_frames[i].spin, self._body_frames[i].velocity)
+            total += ca.dot(velocity, self.spatial_inertia(frame.body) @ velocity) / 2
+        return total
 
     def potential_energy(self) -> ca.SX:
-        return self._weights() + self.elastic_energy()
+        return self._gravity_potential() + self.elastic_energy()
 
-    def weight(self) -> ca.SX:
+    def gravity_vector(self) -> ca.SX:
         """Acceleration of gravity [m/s2], (3, 1)."""
         return self.gravity * column(self.gravity_direction)
 
@@ -169,10 +170,12 @@ class Linkage(Mechanism, abstract=True):
             rates = self.dot(joint.value_in(self))
             if joint.motions and joint.motions[-1][1] == "ball":
                 rates = ca.vertcat(rates, getattr(self, joint.name).rate)
-            total += self.number(f"{joint.name}_damping") / 2 * ca.sumsqr(rates)
+            total += self.parameter_or_zero(f"{joint.name}_damping") / 2 * ca.sumsqr(rates)
         for spring in self._springs:
             if f"{spring.name}_damping" in self.symbols:
-                total += self.number(f"{spring.name}_damping") / 2 * self.dot(getattr(self, spring.name)) ** 2
+                total += (
+                    self.parameter_or_zero(f"{spring.name}_damping") / 2 * self.dot(getattr(self, spring.name)) ** 2
+                )
         return total
 
     def picture(self) -> Shapes:
@@ -186,119 +189,114 @@ class Linkage(Mechanism, abstract=True):
         rods = [
             Rod(position(body), position(body, name))
             for body, name in (*arms, *centres)
-            if self.vector(name).nnz() and body.name not in hidden
+            if self.parameter_vector(name).nnz() and body.name not in hidden
         ]
-        sprung = {end for spring in self._springs for end, _ in spring.both}
+        sprung = {end for spring in self._springs for end, _ in spring.named_ends}
         slides = [
             Rod(position(joint.parent, f"{joint.name}_at"), position(joint.child))
             for joint in self._tree
             if [kind for _, kind, _ in joint.motions].count("shift") == 1 and joint.child not in sprung
         ]
         balls = [Ball(position(*centre)) for centre in centres if centre[0].name not in hidden]
-        drawn = [shape(self._frame(self._numbers[body])) for body, shapes in self.visuals.items() for shape in shapes]
-        springs = [Spring(*(position(end, name) for end, name in s.both)) for s in self._springs]
+        frames = {body: self._body_frames[self._numbers[body]] for body in hidden}
+        drawn = [shape(frames[body]) for body, shapes in self.visuals.items() for shape in shapes]
+        springs = [Spring(*(position(end, name) for end, name in s.named_ends)) for s in self._springs]
         return [*rods, *slides, *balls, *drawn, *springs]
 
     @property
-    def is_of_bodies(self) -> bool:
-        """Whether its energies are those of bodies and joints alone, as declared."""
+    def has_derived_energies(self) -> bool:
+        """Whether the energies are those of the declared bodies and joints; a subclass may override them."""
         names = ("kinetic_energy", "potential_energy", "lagrangian")
         return all(getattr(type(self), name) is getattr(Linkage, name) for name in names)
 
     # ---- derived ---------------------------------------------------------------------------------------------
 
-    @property
-    def _springs(self) -> tuple[SpringDamper, ...]:
-        return declared(type(self), SpringDamper)
-
-    def _check_inertia(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
+    def _check_mass_matrix(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
         start, metric = self.start_values(), ca.hessian(lagrangian, self.free.q_dot)[0]
         matrix = np.array(ca.Function("A", [*motion.values()], [metric])(*(start[name] for name in motion)))
-        if is_inertia(matrix) or not np.isfinite(matrix).all():
+        if is_positive_definite(matrix) or not np.isfinite(matrix).all():
             return
         still = int(np.argmax(np.abs(np.linalg.eigh(matrix)[1][:, 0])))
         frame = next(frame for frame in self.frames if not frame.prescribed and still in frame.rows)
-        Refusal(type(self).__name__, frame.joint.name)(
+        frame.joint.refuse(
             f"no mass moves with {self.free.q_dot[still]} at the start, neither of {frame.joint.child.name} nor of "
             "what it carries; give it a mass, or an inertia, or let prescribed=True"
         )
 
-    def _weights(self) -> ca.SX:
+    def _gravity_potential(self) -> ca.SX:
+        """Potential energy of the weights."""
         bodies = [frame.body for frame in self.frames if frame.body]
-        moments = (self.number(f"{body.name}_mass") * self.attached(body, f"{body.name}_centre") for body in bodies)
-        return -ca.dot(self.weight(), sum(moments, ca.SX(3, 1)))
+        moments = (
+            self.parameter_or_zero(f"{body.name}_mass") * self.attached(body, f"{body.name}_centre") for body in bodies
+        )
+        return -ca.dot(self.gravity_vector(), sum(moments, ca.SX(3, 1)))
 
-    def _frame(self, number: int) -> BodyFrame:
-        return _GROUND if number < 0 else self._moving[number]
-
-    def _moved(self, frame: Frame) -> BodyFrame:
-        parent = self._frame(frame.parent)
+    def _body_frame(self, frame: Frame) -> BodyFrame:
+        """Symbols of a frame, from those of its parent."""
+        parent = self._body_frames[frame.parent]
         rates = (self.active.s_dot if frame.prescribed else self.free.q_dot)[frame.rows, 0]
         own = frame.axes @ rates
-        spin = frame.turn.T @ parent.spin + own[:3]
-        velocity = frame.turn.T @ (parent.velocity + skew(parent.spin) @ frame.place) + own[3:]
-        return BodyFrame(parent.matrix @ frame.turn, parent.position(frame.place), spin, velocity)
+        spin = frame.rotation.T @ parent.spin + own[:3]
+        velocity = frame.rotation.T @ (parent.velocity + skew(parent.spin) @ frame.position) + own[3:]
+        return BodyFrame(parent.matrix @ frame.rotation, parent.position(frame.position), spin, velocity)
 
 
 _GROUND = BodyFrame(ca.SX.eye(3), ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1))
 
 
 def _declare(cls: type[Linkage]) -> None:
-    """Declare coordinates and parameters of the bodies and joints of a class, and order its joints.
+    """Replace the bodies and joints of a class by what they declare, and order its joints.
 
     :raises ComponentError: for one that is declared wrongly.
     """
-    cls._joints = {**cls._joints, **{joint.name: joint for joint in declared(cls, BodyJoint)}}
-    bodies: tuple[Any, ...] = declared(cls, Body)
-    joints, attached = [*cls._joints.values()], (*declared(cls, SpringDamper), *declared(cls, BodyPoint))
+    cls._joints = {**cls._joints, **{joint.name: joint for joint in declarations_of(cls, BodyJoint)}}
+    bodies: tuple[Any, ...] = declarations_of(cls, Body)
+    joints, attached = [*cls._joints.values()], (*declarations_of(cls, SpringDamper), *declarations_of(cls, BodyPoint))
     names = {id(body) for body in bodies} | {id(ground)}
     for item in (*joints, *attached):
         for body in item.bodies:
             if not isinstance(body, Body) or id(body) not in names:
-                what = getattr(body, "name", body)
-                Refusal(cls.__name__, item.name)(
-                    f"{what!r} is no body of {cls.__name__}; declare it above by Body(...), or take ground"
-                )
-    cls._tree = _outwards(cls.__name__, bodies, joints)
+                label = getattr(body, "name", body)
+                item.refuse(f"{label!r} is no body of {cls.__name__}; declare it above by Body(...), or take ground")
+    cls._tree = _joints_outwards(bodies, joints)
     cls._closing = tuple(joint for joint in joints if joint not in cls._tree)
     for item in (*bodies, *joints, *attached):
         if item.name in vars(cls):  # not inherited, with what it declares
             _expand(cls, item)
 
 
-def _outwards(owner: str, bodies: Iterable[Any], joints: Iterable[Any]) -> tuple[BodyJoint, ...]:
+def _joints_outwards(bodies: Iterable[Any], joints: Iterable[Any]) -> tuple[BodyJoint, ...]:
     """The first joint of each body, in an order from ground outwards."""
     inner: dict[str, BodyJoint] = {}
     for joint in joints:
-        refuse = Refusal(owner, joint.name)
         if joint.child is ground:
-            refuse(f"the second body is ground; let it be {joint.parent.name}, and the first one ground")
+            joint.refuse(f"the second body is ground; let it be {joint.parent.name}, and the first one ground")
         if joint.child is joint.parent:
-            refuse(f"both bodies are {joint.child.name}; a joint has two")
+            joint.refuse(f"both bodies are {joint.child.name}; a joint has two")
         inner.setdefault(joint.child.name, joint)
     for body in bodies:
         if body.name not in inner:
-            Refusal(owner, body.name)(f"no joint holds this body; a free one has Free(ground, {body.name})")
+            body.refuse(f"no joint holds this body; a free one has Free(ground, {body.name})")
     order: list[Any] = []
     left: list[Any] = [*inner.values()]
     while left:
         reached = {ground.name, *(joint.child.name for joint in order)}
         ready = [joint for joint in left if joint.parent.name in reached]
         if not ready:
-            child, parent = left[0].child.name, left[0].parent.name
-            Refusal(owner, left[0].name)(f"{child} hangs on {parent}, from which no joint leads to ground")
+            first = left[0]
+            first.refuse(f"{first.child.name} hangs on {first.parent.name}, from which no joint leads to ground")
         order += ready
         left = [joint for joint in left if joint not in ready]
     return tuple(order)
 
 
 def _expand(cls: type[Linkage], item: Any) -> None:
-    """Replace a body, joint, point or spring by what it declares, and itself where the name is left."""
-    refuse, closes = Refusal(cls.__name__, item.name), [item in cls._closing] * isinstance(item, BodyJoint)
+    """Replace a body, joint, point or spring in its class by what it declares, and by itself if its name stays free."""
+    closes = [item in cls._closing] * isinstance(item, BodyJoint)
     delattr(cls, item.name)  # coordinates in the order of the joints
-    for declaration in (*item.declarations(refuse, *closes), item):
-        present = vars(cls).get(declaration.name)
+    for name, declaration in (*item.declarations(*closes), (item.name, item)):
+        present = vars(cls).get(name)
         if present is None:
-            setattr(cls, declaration.name, declaration)
+            declare(cls, name, declaration)
         elif declaration is not item and not isinstance(present, type(declaration)):
-            refuse(f"it declares {declaration.name}, as {type(present).__name__} does; rename one of them")
+            item.refuse(f"it declares {name}, as {type(present).__name__} does; rename one of them")

@@ -2,20 +2,22 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from liaisons.expressions.algebra import stack
-from liaisons.language.declarations import constraint
-from liaisons.language.joints import BodyJoint, Refusal, direction, named, rotated
+from liaisons.language.component import elements_of
+from liaisons.language.declarations import constraint, declare
+from liaisons.language.joints import BodyJoint, roll_pitch_yaw_rotation, unit_vector
 
 CLOSED = 1e-10
 """Residual below which a loop is closed [m, 1]."""
 
 _ROUNDS = 60
-_RANK = 1e-6  # of a row, relative to the largest: below, it depends on the rows before
+_RANK = 1e-6  # singular values, relative to the largest element: below, a row depends on those before
 _CONDITIONS = {  # of joints by class: components of the offset, and pairs of axes that stay at right angles
     "Revolute": ("uvw", ("wu", "wv")),
     "Prismatic": ("uv", ("wu", "wv", "uv")),
@@ -26,65 +28,71 @@ _CONDITIONS = {  # of joints by class: components of the offset, and pairs of ax
     "Weld": ("uvw", ("wu", "wv", "uv")),
 }
 
+Evaluation: TypeAlias = Callable[[np.ndarray], tuple[np.ndarray, ...]]
+"""From a configuration: residuals of the conditions, their derivative by the rates v, and K with ẋ = K v."""
 
-def close_loops(component: Any, closing: Iterable[BodyJoint]) -> tuple[str, ...]:
-    """Declare the conditions of the joints that close loops, and move the start values onto them.
+
+def close_loops(linkage: Any, closing: Iterable[BodyJoint]) -> None:
+    """Declare the conditions of a linkage's closing joints, move its start values onto them, name the redundant ones.
 
     Conditions that depend on the others, by the rank of their gradients at a configuration nearby, are redundant; those
     that do so in open loops, too, as out of the plane of a plane one, are left out.
 
-    :returns: names of the redundant conditions.
+    :param linkage: a class of bodies and joints.
     :raises ComponentError: for a joint that cannot close a loop, or a loop that cannot be closed near the start.
     """
     conditions: dict[str, Callable[[Any], ca.SX]] = {}
     for joint in closing:
-        for declaration in _conditions(component.__name__, joint):
-            setattr(component, declaration.name, declaration)
-            conditions[declaration.name] = declaration.method
-    m = component()
+        for name, declaration in _conditions(joint):
+            declare(linkage, name, declaration)
+            conditions[name] = declaration.method
+    m = linkage()
     coordinates = m.coordinates
     free, x = m.free, ca.vertcat(m.free.q, m.active.s)
     residuals = stack(condition(m) for condition in conditions.values())
     K = ca.diagcat(free.kinematics, ca.SX.eye(m.active.s.shape[0]))
-    slope = ca.jacobian(residuals, x) @ K
     values = m.start_values()
-    function = ca.Function("loops", [x, m.parameter_column], [residuals, slope, K])
+    function = ca.Function("loops", [x, m.parameter_column], [residuals, ca.jacobian(residuals, x) @ K, K])
     numbers = [values[name] for parameter in m.parameters for name in parameter.names]
     start = np.array([values[str(symbol)] for symbol in ca.vertsplit(x)])
 
-    def at(position: np.ndarray) -> tuple[np.ndarray, ...]:
-        return tuple(np.array(result) for result in function(position, numbers))
+    def evaluate(configuration: np.ndarray) -> tuple[np.ndarray, ...]:
+        return tuple(np.array(result) for result in function(configuration, numbers))
 
-    adjusted = np.zeros(K.shape[1], bool)
-    adjusted[: len(coordinates)] = True
-    closed = _closed(at, start, adjusted)
-    gaps = np.abs(at(closed)[0]).ravel()
+    adjusted = np.arange(K.shape[1]) < len(coordinates)
+    closed = _closed_configuration(evaluate, start, adjusted)
+    gaps = np.abs(evaluate(closed)[0]).ravel()
     if not gaps.max(initial=0.0) < CLOSED:
         worst = [*conditions][int(np.argmax(gaps))]
         joint = next(j for j in closing if worst.startswith(f"{j.name}_"))
-        Refusal(component.__name__, joint.name)(
+        joint.refuse(
             f"the loop through {joint.parent.name} and {joint.child.name} does not close near the start: {worst} stays "
             f"{gaps.max():.3g}; check at, at_child and the start values"
         )
     for item, value in zip(coordinates, closed, strict=False):
         item.start = float(value)
-    dependent = _dependent(at(_nearby(at, closed))[1])
+    opened = closed + evaluate(closed)[2] @ np.random.default_rng(0).uniform(-0.3, 0.3, K.shape[1])
+    reclosed = _closed_configuration(evaluate, opened, np.ones(K.shape[1], bool))
+    nearby = reclosed if np.abs(evaluate(reclosed)[0]).max(initial=0.0) < CLOSED else closed
+    redundant = _dependent_rows(evaluate(nearby)[1])
+    linkage.redundant = tuple(name for i, name in enumerate(conditions) if i in redundant)
     # Those that depend on the others while loops are closed alone may be needed where the others lose rank.
-    always = _dependent(at(_moved(at, closed))[1])
-    for name in (name for i, name in enumerate(conditions) if i in dependent & always):
-        delattr(component, name)
-    delattr(component, "_constraints")  # what was collected before
-    return tuple(name for i, name in enumerate(conditions) if i in dependent)
+    left_out = redundant & _dependent_rows(evaluate(opened)[1])
+    for name in (name for i, name in enumerate(conditions) if i in left_out):
+        delattr(linkage, name)
+    elements_of.cache_clear()  # they had the conditions that are left out
 
 
-def _conditions(owner: str, joint: BodyJoint) -> Iterator[constraint]:
-    refuse, kind = Refusal(owner, joint.name), type(joint).__name__
+def _conditions(joint: BodyJoint) -> Iterator[tuple[str, constraint]]:
+    kind = type(joint).__name__
     if kind not in _CONDITIONS:
-        refuse(f"a {kind} joint closes no loop; let another joint of the loop, declared last, close it")
+        joint.refuse(f"a {kind} joint closes no loop; let another joint of the loop, declared last, close it")
     if joint.prescribed:
-        refuse("it closes a loop, so that it has no coordinate to prescribe; declare it before another of the loop")
+        joint.refuse(
+            "it closes a loop, so that it has no coordinate to prescribe; declare it before another of the loop"
+        )
     offsets, pairs = _CONDITIONS[kind]
-    w = direction(joint.axis)
+    w = unit_vector(joint.axis)
     u = np.cross(w, np.eye(3)[int(np.argmin(np.abs(w)))])
     u /= np.linalg.norm(u)
     axes = {"u": u, "v": np.cross(w, u), "w": w} | dict(zip("xyz", np.eye(3), strict=True))
@@ -92,61 +100,45 @@ def _conditions(owner: str, joint: BodyJoint) -> Iterator[constraint]:
     for i, letter in enumerate(offsets, start=1):
         text = f"{joint.child.name} stays at {joint.parent.name}, along axis {i} of {joint.name}"
         method = partial(_offset, joint=joint, axis=columns[letter])
-        yield named(constraint("m", text)(method), f"{joint.name}_offset_{i}")
+        yield f"{joint.name}_offset_{i}", constraint("m", text)(method)
     for i, (first, second) in enumerate(pairs, start=1):
         text = f"axes of {joint.child.name} and {joint.parent.name} stay at right angles in {joint.name}"
         method = partial(_cosine, joint=joint, first=columns[first], second=columns[second])
-        yield named(constraint("1", text)(method), f"{joint.name}_angle_{i}")
+        yield f"{joint.name}_angle_{i}", constraint("1", text)(method)
 
 
 def _offset(m: Any, *, joint: BodyJoint, axis: ca.SX) -> ca.SX:
     parent, child = m.frame_of(joint.parent), m.frame_of(joint.child)
-    distance = child.position(m.vector(f"{joint.name}_at_child")) - parent.position(m.vector(f"{joint.name}_at"))
-    return ca.dot(parent.matrix @ rotated(joint.rotation) @ axis, distance)
+    distance = child.position(m.parameter_vector(f"{joint.name}_at_child")) - parent.position(
+        m.parameter_vector(f"{joint.name}_at")
+    )
+    return ca.dot(parent.matrix @ roll_pitch_yaw_rotation(joint.rotation) @ axis, distance)
 
 
 def _cosine(m: Any, *, joint: BodyJoint, first: ca.SX, second: ca.SX) -> ca.SX:
-    child = m.frame_of(joint.child).matrix @ rotated(joint.rotation_child) @ first
-    return ca.dot(child, m.frame_of(joint.parent).matrix @ rotated(joint.rotation) @ second)
+    child = m.frame_of(joint.child).matrix @ roll_pitch_yaw_rotation(joint.rotation_child) @ first
+    return ca.dot(child, m.frame_of(joint.parent).matrix @ roll_pitch_yaw_rotation(joint.rotation) @ second)
 
 
-def _closed(at: Callable[..., tuple[np.ndarray, ...]], start: np.ndarray, adjusted: np.ndarray) -> np.ndarray:
-    """Configuration near the start in which the loops are closed, by the Gauss-Newton method."""
-    position = start
+def _closed_configuration(evaluate: Evaluation, start: np.ndarray, adjusted: np.ndarray) -> np.ndarray:
+    """Configuration near the start in which the loops are closed, by the Gauss-Newton method.
+
+    :param adjusted: whether a rate may move, in their order.
+    """
+    configuration = start
     for _ in range(_ROUNDS):
-        residuals, slope, K = at(position)
+        residuals, slope, K = evaluate(configuration)
         if np.abs(residuals).max(initial=0.0) < 1e-15:
             break
         step = np.zeros(len(adjusted))
         step[adjusted] = np.linalg.lstsq(slope[:, adjusted], residuals.ravel(), rcond=1e-9)[0]
         longest = np.abs(step).max(initial=0.0)
-        position = position - K @ step * min(1.0, 0.5 / longest if longest else 1.0)
-    return position
+        configuration = configuration - K @ step * min(1.0, 0.5 / longest if longest else 1.0)
+    return configuration
 
 
-def _nearby(at: Callable[..., tuple[np.ndarray, ...]], closed: np.ndarray) -> np.ndarray:
-    """Another configuration with closed loops, in general position; the same one where none is met."""
-    position = _moved(at, closed)
-    moved = _closed(at, position, np.ones(at(closed)[2].shape[1], bool))
-    return moved if np.abs(at(moved)[0]).max(initial=0.0) < CLOSED else closed
-
-
-def _moved(at: Callable[..., tuple[np.ndarray, ...]], closed: np.ndarray) -> np.ndarray:
-    """Another configuration, in which the loops are open."""
-    K = at(closed)[2]
-    return closed + K @ np.random.default_rng(0).uniform(-0.3, 0.3, K.shape[1])
-
-
-def _dependent(slope: np.ndarray) -> set[int]:
-    """Rows that are linear combinations of those before."""
-    basis, dependent = np.zeros((0, slope.shape[1])), set[int]()
-    largest = np.abs(slope).max(initial=0.0)
-    for i, row in enumerate(slope):
-        left = row - basis.T @ (basis @ row)
-        left -= basis.T @ (basis @ left)
-        length = float(np.linalg.norm(left))
-        if length < _RANK * largest:
-            dependent.add(i)
-        else:
-            basis = np.vstack([basis, left / length])
-    return dependent
+def _dependent_rows(matrix: np.ndarray) -> set[int]:
+    """Indices of the rows that are linear combinations of those before."""
+    tolerance = _RANK * np.abs(matrix).max(initial=0.0)
+    ranks = [np.linalg.matrix_rank(matrix[:count], tolerance) for count in range(len(matrix) + 1)]
+    return {i for i, (before, after) in enumerate(pairwise(ranks)) if after == before}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -15,13 +15,13 @@ from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
-from liaisons.language.checks import Formulas, call, components_of, declared, require_units, shapes_of
-from liaisons.language.component import Component, DeclarationsOf
+from liaisons.language.checks import Formulas, call, components_of, declarations_of, require_units, shapes_of
+from liaisons.language.component import Component, DeclarationsOf, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
-    ContactFormula,
     Coordinate,
     Declaration,
+    Friction,
     Orientation,
     Size,
     calculated,
@@ -43,8 +43,8 @@ _AFFIXES = {"quaternion": ("", ""), "rates": ("", "_dot"), "accelerations": ("",
 class _Actives(DeclarationsOf[ActiveCoordinate]):
     """The active coordinates, those of rheonomic constraints last."""
 
-    def find(self, owner: type) -> tuple[ActiveCoordinate, ...]:
-        return (*super().find(owner), *(item.active for item in declared(owner, rheonomic_constraint)))
+    def __get__(self, instance: object, owner: type) -> tuple[ActiveCoordinate, ...]:
+        return (*super().__get__(instance, owner), *(item.active for item in elements_of(owner, rheonomic_constraint)))
 
 
 class MechanicalComponent(Component, abstract=True):
@@ -67,18 +67,18 @@ class MechanicalComponent(Component, abstract=True):
 
     @abstractmethod
     def kinetic_energy(self) -> ca.SX:
-        """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
+        """Kinetic energy T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero by default."""
+        """Potential energy V of the configuration; zero by default."""
         return ca.SX(0)
 
     def friction_coefficient(self) -> ca.SX:
-        """η of K eq. 64, Q = −η ∂T/∂q̇: the declared Friction, zero without one."""
-        return self._declared_friction
+        """Coefficient η of K eq. 64, Q = −η ∂T/∂q̇: the declared Friction; zero without one."""
+        return ca.SX(sum(self.symbols[p.name] for p in self.parameters if isinstance(p, Friction)))
 
     def dissipation_function(self) -> ca.SX:
-        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero by default.
+        """Dissipation function D [W] after Rayleigh, Q = −∂D/∂q̇; zero by default.
 
         That of a damper c at the relative velocity v is D = c v²/2.
         """
@@ -89,11 +89,11 @@ class MechanicalComponent(Component, abstract=True):
         """Total time derivative of an expression of the configuration and its rates; of any shape."""
 
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
-        """``|ṙ|²`` of a point given by its Cartesian components."""
+        """Squared speed ``|ṙ|²`` of a point with these Cartesian components."""
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def picture(self) -> Shapes:
-        """Shapes between its points; of a chain those of the ``self.number``-th link."""
+        """Shapes of the picture, between named points; in a chain, those of the link ``self.number``."""
         return [Ball(getattr(self, item.name)) for item in self.points]
 
     def point_components(self) -> dict[str, ca.SX]:
@@ -102,18 +102,18 @@ class MechanicalComponent(Component, abstract=True):
         return {f"{name}_{axis}": ca.SX(value) for name, axes in components for axis, value in axes.items()}
 
     def contact_rates(self) -> ca.SX:
-        """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
+        """Column of the rates of unilateral liaisons, then of the relative velocities of dry friction (c, 1)."""
         return stack(
             [*map(self.dot, map(self.expression_of, self.unilaterals)), *map(self.expression_of, self.dry_frictions)]
         )
 
-    def threshold(self, name: str) -> ca.SX:
-        """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
+    def contact_coefficient(self, name: str) -> ca.SX:
+        """Value of the parameter or method of this name, a bound of dry friction or a restitution; 0 for ``""``."""
         return ca.SX(call(self, name) if name else 0)
 
     @property
     def passive_constraints(self) -> tuple[constraint | non_holonomic, ...]:
-        """Constraints that no operator moves."""
+        """Constraints without an operator: holonomic, then non-holonomic."""
         return (*self.constraints, *self.non_holonomic)
 
     @property
@@ -123,15 +123,18 @@ class MechanicalComponent(Component, abstract=True):
 
     @property
     def contact_formulas(self) -> tuple[unilateral | dry_friction, ...]:
-        """Unilateral liaisons, then dry friction: the order of all columns of contacts."""
+        """Unilateral liaisons, then dry frictions, in the order of all columns of contacts."""
         return (*self.unilaterals, *self.dry_frictions)
 
     def expression_of(self, item: Declaration) -> ca.SX:
-        """Expression of a declaration, or of an element of an array."""
+        """Expression of a declaration, which may be an element of an array."""
         return ca.SX(getattr(self, item.name))
 
     def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
-        """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
+        """Names of one kind for all coordinates, then for all orientations.
+
+        :param kind: ``"quaternion"`` means the coordinates themselves.
+        """
         start, end = _AFFIXES[kind]
         return [
             *(start + suffixed(q.name, end) for q in self.coordinates),
@@ -143,7 +146,7 @@ class MechanicalComponent(Component, abstract=True):
         units_at = {name: unit_of[name.rpartition("_")[0]] for name in self.point_components()}
         internal = (state.name for state in self.internal_states)
         moving = (*self.motion_names("quaternion"), *self.motion_names("momenta"), *internal)
-        extents = [extent for item in declared(type(self), Declaration) if (extent := item.extent(type(self)))]
+        extents = (item.extent(type(self)) for item in declarations_of(type(self), Declaration))
         variables = Layout(
             parameters=(*self._declared_parameters(), *self._start_parameters()),
             inputs=tuple(self._inputs(units_at)),
@@ -160,30 +163,36 @@ class MechanicalComponent(Component, abstract=True):
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
             dimensions=tuple(
-                Dimension(size.name, self.sizes[size.name], size.description) for size in declared(type(self), Size)
+                Dimension(size.name, self.sizes[size.name], size.description)
+                for size in declarations_of(type(self), Size)
             ),
         )
-        return variables.with_arrays({extent.count: extent for extent in extents}) if extents else variables
+        return variables.with_arrays({extent.count: extent for extent in extents if extent})
 
     def _start_parameters(self) -> Iterator[Variable]:
-        """Start values of configuration, and rates or momenta."""
+        """Parameters for the start of the configuration, and of rates or momenta."""
         size = self.dimension
         for q in self.coordinates:
-            position = q.variable("parameter", "fixed", suffixed(q.name, "_0"))
             text = f"{q.description}, at the start"
-            yield replace(position, description=text, start=q.leading or q.start, dimension=size)
-            yield layout.start(suffixed(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size)
+            yield replace(q.start_parameter(), description=text, start=q.leading or q.start, dimension=size)
+            yield layout.start_parameter(
+                suffixed(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size
+            )
         for orientation in self.orientations:
             by_rate = orientation.start == "rate"
             names, unit = (orientation.rates, "rad/s") if by_rate else (orientation.momenta, "kg.m2/s")
             yield from (
-                layout.start(name, "1", float(name == orientation.quaternion[0])) for name in orientation.quaternion
+                layout.start_parameter(name, "1", float(name == orientation.quaternion[0]))
+                for name in orientation.quaternion
             )
-            yield from (layout.start(name, unit, 0.0) for name in names)
-        yield from map(layout.start_of_internal, self.internal_states)
+            yield from (layout.start_parameter(name, unit, 0.0) for name in names)
+        yield from (state.start_parameter() for state in self.internal_states)
 
     def _inputs(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
-        """σ, σ̇ and σ̈ of active coordinates; drives and loads of free ones; loads at points, by their units."""
+        """Inputs: σ, σ̇ and σ̈ of active coordinates, drives and loads of free ones, loads at points.
+
+        :param units_at: units of the components of points.
+        """
         zeros, zero_sums = (partial(make, dimension=self.dimension) for make in (layout.zero, layout.zero_sum))
         together = "to be set with it, in model exchange too"
         for s in self.actives:
@@ -209,7 +218,7 @@ class MechanicalComponent(Component, abstract=True):
             yield zero_sums(f"{name}_impulse", units.momentum(of), text)
 
     def _motion_outputs(self) -> Iterator[Variable]:
-        """Coordinates, orientations, internal states, their momenta and rates."""
+        """Outputs of coordinates, orientations and internal states, with momenta and rates."""
         size = self.dimension
         readable = partial(layout.readable, dimension=size)
         for q in self.coordinates:
@@ -220,22 +229,22 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}")
             yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}")
             text = f"rate of {momentum}: all generalised forces along {q.name}"
-            yield layout.rate(momentum, units.force(q.unit), text, size)
+            yield layout.local_rate(momentum, units.force(q.unit), text, size)
         for orientation in self.orientations:
             for name in orientation.quaternion:
                 yield readable(name, "1", f"{orientation.description}: quaternion, scalar first")
-                yield layout.rate(name, "1/s", f"rate of {name}")
+                yield layout.local_rate(name, "1/s", f"rate of {name}")
             for name in orientation.rates:
                 yield readable(name, "rad/s", f"{orientation.description}: angular velocity in the body frame")
                 yield readable(f"{name}_dot", "rad/s2", f"rate of {name}")
             for name in orientation.momenta:
                 yield readable(name, "kg.m2/s", f"{orientation.description}: angular momentum in the inertial frame")
-                yield layout.rate(name, "N.m", f"rate of {name}: torque")
+                yield layout.local_rate(name, "N.m", f"rate of {name}: torque")
         for state in self.internal_states:
-            yield from layout.of_internal(state)
+            yield from layout.internal_state_outputs(state)
 
     def _dynamics_outputs(self) -> Iterator[Variable]:
-        """Constraints, operators, points, energies, and what is declared beside them."""
+        """Outputs of constraints, operators, points and energies, and the declared ones."""
         readable, size = layout.readable, self.dimension
         for item in self.all_constraints:
             yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
@@ -278,36 +287,31 @@ class MechanicalComponent(Component, abstract=True):
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _contact_outputs(self) -> Iterator[Variable]:
-        """Unilateral liaisons and dry friction (DESIGN of names: docs/reference/fmu.md)."""
-        for item in self.unilaterals:
-            readable, at_events = self._of_contact(item)
-            name, of, momentum = item.name, partial(suffixed, item.name), units.momentum(item.unit)
-            yield readable(name, item.unit, item.description)
-            yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
-            yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
-            yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
-            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
-            text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
-            yield at_events(of("_impacts"), "1", text, type="Integer")
-            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", causality="local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
-        for item in self.dry_frictions:
-            readable, at_events = self._of_contact(item)
+        """Outputs of unilateral liaisons and dry friction; in a chain, arrays over the links."""
+        for item in self.contact_formulas:
+            size = None if item.last else self.dimension
+            readable, at_events = (partial(make, dimension=size) for make in (layout.readable, layout.event_output))
             name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
-            yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
-            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
+            if isinstance(item, unilateral):
+                yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
+                yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
+                text = f"sum of the impulses of impacts at {name}"
+                yield at_events(of("_impulse"), units.momentum(item.unit), text)
+                yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
+                text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
+                yield at_events(of("_impacts"), "1", text, type="Integer")
+                text = f"when the bounces of {name} end, or have ended"
+                yield at_events(of("_rests_from"), "s", text, causality="local")
+            else:
+                yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
+                yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
+                yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)
-
-    def _of_contact(self, item: ContactFormula) -> tuple[Callable[..., Variable], Callable[..., Variable]]:
-        """Functions that make continuous and discrete outputs of a contact, in a chain arrays of its links."""
-        size = None if item.last else self.dimension
-        return partial(layout.readable, dimension=size), partial(layout.event_output, dimension=size)
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):
@@ -315,5 +319,5 @@ class MechanicalComponent(Component, abstract=True):
         require_units(type(self))
         for item in self.points:
             for axis, component in components_of(self, item.name).items():
-                formulas.take(f"{item.name}[{axis!r}]", component, configuration, item.unit)
+                formulas.add(f"{item.name}[{axis!r}]", component, configuration, item.unit)
         shapes_of(self)

@@ -15,9 +15,9 @@ from liaisons.base import units
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, is_quadratic
-from liaisons.language.checks import Formulas, call, declared, scalar
+from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of
 from liaisons.language.component import DeclarationsOf
-from liaisons.language.contact_checks import check_contacts, refuse
+from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
     ContactFormula,
@@ -90,50 +90,50 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
-        self.sizes = {size.name: size.default for size in declared(type(self), Size)}
+        self.sizes = {size.name: size.default for size in declarations_of(type(self), Size)}
         free, orientations = [c.name for c in self.coordinates], self.orientations
         if len({orientation.quaternion for orientation in orientations}) < len(orientations):
             raise ComponentError(
-                f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
+                f"{type(self).__name__}: variables of two orientations have the same names; give each a prefix"
             )
         nominals, turning = [q.nominal for q in self.coordinates], len(orientations)
         self.free = FreeColumns(
-            q=self._symbols(self.motion_names("quaternion")),
+            q=self._add_symbols(self.motion_names("quaternion")),
             sizes=ca.DM([*nominals, *[1.0] * 4 * turning]),
-            q_dot=self._symbols(self.motion_names("rates")),
+            q_dot=self._add_symbols(self.motion_names("rates")),
             rate_sizes=ca.DM([*nominals, *[1.0] * 3 * turning]),
-            p=self._symbols(self.motion_names("momenta")),
-            q_ddot=self._symbols(self.motion_names("accelerations")),
+            p=self._add_symbols(self.motion_names("momenta")),
+            q_ddot=self._add_symbols(self.motion_names("accelerations")),
             kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
             frame=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).matrix for o in orientations)),
         )
         active = [c.name for c in self.actives]
         self.active = ActiveColumns(
-            s=self._symbols(active),
-            s_dot=self._symbols(f"{s}_dot" for s in active),
-            s_ddot=self._symbols(f"{s}_ddot" for s in active),
-            force=self._symbols(f"{s}_force" for s in active),
+            s=self._add_symbols(active),
+            s_dot=self._add_symbols(f"{s}_dot" for s in active),
+            s_ddot=self._add_symbols(f"{s}_ddot" for s in active),
+            force=self._add_symbols(f"{s}_force" for s in active),
             adapted=len(active) - len(self.rheonomic_constraints),
         )
-        self.internal = self._symbols(state.name for state in self.internal_states)
-        self.multipliers = self._symbols(f"lambda_{c.name}" for c in self.passive_constraints)
-        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in self.contact_formulas)
+        self.internal = self._add_symbols(state.name for state in self.internal_states)
+        self.multipliers = self._add_symbols(f"lambda_{c.name}" for c in self.passive_constraints)
+        self.contact_forces = self._add_symbols(suffixed(c.name, "_force") for c in self.contact_formulas)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
 
     def kinetic_energy(self) -> ca.SX:
-        """T, quadratic in the rates (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
+        """Kinetic energy T (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
         rates, L = _rates(self), self.lagrangian()
         return ca.jtimes(L, rates, rates) - L - self.potential_energy()
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero by default, of a mechanism that defines its Lagrangian alone −L at rest."""
+        """Potential energy V; zero by default, or −L at rest where only the Lagrangian is defined."""
         rates = _rates(self)
         return ca.SX(0) if self.has_energies() else -ca.substitute(self.lagrangian(), rates, ca.SX.zeros(rates.shape))
 
     def lagrangian(self) -> ca.SX:
-        """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24), or energies follow from it.
+        """Lagrangian L = T − V (K eq. 18); override it for forces that depend on the velocity (K eq. 24).
 
         :raises ComponentError: if neither it nor :meth:`kinetic_energy` is defined.
         """
@@ -164,32 +164,32 @@ class Mechanism(MechanicalComponent, abstract=True):
         return ca.jtimes(ca.SX(expression), where, rates)
 
     def momentum(self, coordinate: ca.SX) -> ca.SX:
-        """p = ∂L/∂q̇ of a free coordinate; for outputs."""
+        """Momentum p = ∂L/∂q̇ of a free coordinate, for outputs."""
         return self._symbol(f"p_{coordinate}", "momentum()", self.coordinates)
 
     def constraint_force(self, name: str) -> ca.SX:
-        """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
+        """Multiplier λ of a constraint, for outputs; the force is λ times the constraint's gradient."""
         return self._symbol(f"lambda_{name}", "constraint_force()", self.passive_constraints)
 
     def contact_force(self, name: str) -> ca.SX:
-        """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
+        """Force of a unilateral liaison or of dry friction, for outputs."""
         of = "unilateral liaisons or dry frictions"
         return self._symbol(suffixed(name, "_force"), f"contact_force({name!r})", self.contact_formulas, of)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
-        """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
+        """Generalised force λ of the operator along an active coordinate (M eq. 27), for outputs.
 
         :param coordinate: the coordinate, or its name; the name for a rheonomic constraint.
         """
         return self._symbol(f"{coordinate}_force", "operator_force()", self.actives)
 
     def with_symbolic_points(self, names: Sequence[str]) -> Self:
-        """Copy with symbols for these points, so that expressions show how they depend on them."""
+        """Copy of the instance in which these points are symbols, not expressions of the coordinates."""
         twin = copy(self)
-        places = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
-        w = ca.vertcat(*(symbol for axes in places.values() for symbol in axes.values()))
+        points = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
+        w = ca.vertcat(*(symbol for axes in points.values() for symbol in axes.values()))
         rates = [ca.SX.sym(f"{symbol}_dot") for symbol in ca.vertsplit(w)]
-        twin.formulas = dict(places)
+        twin.formulas = dict(points)
         twin.placeholders = PlaceholderColumns(tuple(names), w, ca.vertcat(*rates))
         return twin
 
@@ -205,7 +205,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     @classmethod
     def has_energies(cls) -> bool:
-        """Whether it defines its kinetic energy; else the Lagrangian has to be defined."""
+        """Whether the class defines its kinetic energy, not the Lagrangian alone."""
         return cls.kinetic_energy is not Mechanism.kinetic_energy
 
     def start_values(self) -> dict[str, float]:
@@ -218,22 +218,22 @@ class Mechanism(MechanicalComponent, abstract=True):
     def _check(self) -> None:
         for item in (*self.coordinates, *self.parameters):
             if item.leading and not isinstance(item, ParameterArray):
-                refuse(self, item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
-        for item in declared(type(self), ContactFormula):
+                item.refuse(f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
+        for item in declarations_of(type(self), ContactFormula):
             extent, column = item.extent(type(self)), call(self, item.name)
             if extent and ca.SX(column).shape != (extent.count, 1):
-                refuse(self, item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
-        parameters, internal = self._named(self.parameter_column), self._named(self.internal)
-        configuration = parameters | self._named(self.free.q, self.active.s)
-        motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
+                item.refuse(f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
+        parameters, internal = self._symbols_by_name(self.parameter_column), self._symbols_by_name(self.internal)
+        configuration = parameters | self._symbols_by_name(self.free.q, self.active.s)
+        motion = configuration | self._symbols_by_name(self.free.q_dot, self.active.s_dot)
         formulas = Formulas(self)
         self._check_points(formulas, configuration)
         if self.has_energies():
             formulas("kinetic_energy", motion, "J")
             formulas("potential_energy", configuration, "J")
-        lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
+        lagrangian = checked_scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
         if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
-            formulas.take("lagrangian", lagrangian, motion, "J")
+            formulas.add("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")
         formulas("dissipation_function", motion | internal, "W")
         allowed: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
@@ -246,17 +246,61 @@ class Mechanism(MechanicalComponent, abstract=True):
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
-        formulas.internal_rates(motion | internal)
+        formulas.check_internal_rates(motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
-        self._check_inertia(lagrangian, motion)
+        self._check_mass_matrix(lagrangian, motion)
         if not is_quadratic(lagrangian, self.free.q_dot):
-            self._check_beside_newton()
+            self._check_nonquadratic()
 
-    def _check_inertia(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
-        _check_mass_matrix(self, lagrangian, motion)
+    def _check_mass_matrix(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
+        name, kinetic = type(self).__name__, ca.SX(self.kinetic_energy())
+        metric, rates = ca.hessian(lagrangian, self.free.q_dot)[0], _rates(self)
+        if self.has_energies() and ca.depends_on(metric, rates):
+            raise ComponentError(
+                f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them: define "
+                "lagrangian() alone, from which the energies follow"
+            )
+        start = self.start_values()
+        at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
+        function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
+        at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*self.coordinates, *self.actives))
 
-    def _check_beside_newton(self) -> None:
-        """Refuse what needs momenta that are linear in the rates."""
+        def evaluate(values: Mapping[str, float]) -> list[np.ndarray]:
+            return list(map(np.asarray, function(*(values[symbol] for symbol in motion))))
+
+        matrix, energy, left = evaluate(start)
+        if not (np.isfinite(matrix).all() and np.isfinite(energy)):
+            raise ComponentError(
+                f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
+            )
+        if self.has_energies() and np.any(left != 0):
+            raise ComponentError(
+                f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
+                f"{left.ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
+            )
+        if is_positive_definite(matrix):
+            return
+        still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(self.free.q_dot), strict=True) if not row.any()]
+        what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
+        for item, other in _trial_values(self):
+            if not is_positive_definite(evaluate(start | {item.name: other})[0]):
+                continue
+            value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
+            if isinstance(item, Parameter):
+                raise ComponentError(f"{name}: {what} while {value}; let its default be > 0")
+            raise ComponentError(
+                f"{name}: {what} at {value}, where the start lies on a singularity; "
+                "give another start, and exclude the singularity by above=, below= or an @assertion"
+            )
+        if still:
+            why = _singularity_reason(self, lagrangian, motion[still[0]])
+            raise ComponentError(f"{name}: mass matrix is singular at the start ({at_start}): {why}")
+        raise ComponentError(
+            f"{name}: {what} at the start ({at_start}); check the masses and that every free coordinate moves one"
+        )
+
+    def _check_nonquadratic(self) -> None:
+        """Raise a ComponentError for what a Lagrangian that is not quadratic in the rates cannot have."""
         others = [item.name for item in (*self.all_constraints, *self.contact_formulas, *self.orientations)]
         if others or not ca.SX(self.friction_coefficient()).is_zero():
             name = (others or ["friction_coefficient"])[0]
@@ -267,7 +311,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
 
 def _rates(m: Mechanism) -> ca.SX:
-    """Rates of free and active coordinates, a column."""
+    """Column of the rates of free, then of active coordinates."""
     return ca.vertcat(m.free.q_dot, m.active.s_dot)
 
 
@@ -277,57 +321,8 @@ def _resized(component: type[Mechanism], n: int, description: str) -> type[Mecha
     return type(component.__name__, (component,), own)
 
 
-def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
-    name, kinetic = type(m).__name__, ca.SX(m.kinetic_energy())
-    metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], _rates(m)
-    if m.has_energies() and ca.depends_on(metric, rates):
-        raise ComponentError(
-            f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them: define "
-            "lagrangian() alone, from which the energies follow"
-        )
-    start = m.start_values()
-    at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
-    function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
-    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*m.coordinates, *m.actives))
-
-    def at(values: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray]:
-        metric, energy, left = function(*(values[symbol] for symbol in motion))
-        return np.asarray(metric), float(energy), np.asarray(left)
-
-    matrix, energy, left = at(start)
-    if not (np.all(np.isfinite(matrix)) and np.isfinite(energy)):
-        raise ComponentError(
-            f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
-        )
-    if m.has_energies() and np.any(left != 0):
-        raise ComponentError(
-            f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
-            f"{left.ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
-        )
-    if is_inertia(matrix):
-        return
-    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(m.free.q_dot), strict=True) if not row.any()]
-    what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
-    for item, other in _other_values(m):
-        if not is_inertia(at(start | {item.name: other})[0]):
-            continue
-        value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
-        if isinstance(item, Parameter):
-            raise ComponentError(f"{name}: {what} while {value}; let its default be > 0")
-        raise ComponentError(
-            f"{name}: {what} at {value}, where the start lies on a singularity; "
-            "give another start, and exclude the singularity by above=, below= or an @assertion"
-        )
-    if still:
-        why = _singular(m, lagrangian, motion[still[0]])
-        raise ComponentError(f"{name}: mass matrix is singular at the start ({at_start}): {why}")
-    raise ComponentError(
-        f"{name}: {what} at the start ({at_start}); check the masses and that every free coordinate moves one"
-    )
-
-
-def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
-    """Return the message for a rate whose row of the mass matrix is zero."""
+def _singularity_reason(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
+    """Why no mass moves with a rate, and the remedy."""
     if ca.depends_on(gradient(lagrangian, rate), m.active.s_dot):
         return (
             f"{rate} is multiplied by rates of active coordinates alone, so that Lagrange's equation is a condition on "
@@ -340,15 +335,15 @@ def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
     )
 
 
-def is_inertia(matrix: np.ndarray) -> bool:
+def is_positive_definite(matrix: np.ndarray) -> bool:
     """Whether a mass matrix is finite and positive definite."""
     finite = bool(np.all(np.isfinite(matrix)))
     least = np.min(np.linalg.eigvalsh(matrix), initial=np.inf)  # all coordinates may be prescribed
     return finite and bool(least > 1e-14 * np.max(np.abs(matrix), initial=0.0))
 
 
-def _other_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
-    """Declarations that could make a mass matrix singular, each with another value."""
+def _trial_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
+    """Parameters, coordinates and actives whose start may make the mass matrix singular, each with a value to try."""
     yield from ((item, 1.0) for item in m.parameters if item.start <= 0)
     for item in (*m.coordinates, *m.actives):
         size = item.nominal if isinstance(item, Coordinate) else 1.0

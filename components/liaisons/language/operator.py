@@ -3,7 +3,7 @@
 import logging
 import sys
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise, takewhile
@@ -57,10 +57,10 @@ class Operator(SignalComponent, abstract=True):
 
     @abstractmethod
     def signal(self, t: ca.SX) -> ca.SX:
-        """y as an expression of time, the parameters and the internal states."""
+        """Signal y as an expression of time, parameters and internal states."""
 
     def interval(self, t: ca.SX, *columns: str, rests: bool = False) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Two rows of a table between whose instants t lies: values of these columns in each.
+        """Values of these columns of the table at the begin and at the end of its interval that contains t.
 
         The parameter arrays that are declared first and have one dimension are the table, a column each; the first of
         them has the instants of the rows, ascending, and ends where they no longer ascend.  Before all rows it is the
@@ -72,7 +72,7 @@ class Operator(SignalComponent, abstract=True):
         :param rests: behind all rows both are the last one.
         """
         if self.lookups is None:
-            return self._chosen(t, columns, rests=rests)
+            return self._selected_rows(t, columns, rests=rests)
         for lookup in self.lookups:
             if (lookup.columns, lookup.rests) == (columns, rests) and ca.is_equal(lookup.time, t, 100):
                 break
@@ -82,8 +82,8 @@ class Operator(SignalComponent, abstract=True):
             self.lookups.append(lookup)
         return ca.vertsplit(lookup.begin), ca.vertsplit(lookup.end)
 
-    def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Rows of :meth:`interval` as expressions of all rows."""
+    def _selected_rows(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Values of :meth:`interval` as expressions of the whole table, without a look-up at run time."""
         instants, ascends = ca.vertsplit(self.table[0].value_in(self)), ca.SX(1)
         last = len(instants) - 1
         has_length = []
@@ -104,12 +104,9 @@ class Operator(SignalComponent, abstract=True):
 
     @property
     def table(self) -> list[ParameterArray]:
-        """Leading parameter arrays of one dimension: the columns of :meth:`interval`."""
+        """Columns of :meth:`interval`: the parameter arrays of one dimension that are declared first."""
         arrays: list[Any] = list(takewhile(lambda p: isinstance(p, ParameterArray), self.parameters))
         return [p for p in arrays if p.dimension == arrays[0].dimension]
-
-    def conditions(self) -> Mapping[str, ca.SX]:
-        return {}
 
     def events(self) -> Sequence[ca.SX]:
         """Instants [s] at which y or one of its first two derivatives is not smooth; the solver stops there.
@@ -134,14 +131,14 @@ class Operator(SignalComponent, abstract=True):
         formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
         formulas("signal", symbols, units.ANY, self.clock)
         for i, instant in enumerate(call(self, "events")):
-            formulas.take(f"events[{i}]", instant, symbols, "s")
+            formulas.add(f"events[{i}]", instant, symbols, "s")
         if call(self, "next_event_time") is None and not is_smooth(ca.SX(self.signal(self.clock)), self.clock):
             _log.warning(
                 "%s: the signal has kinks or jumps (abs, sign, fmin, fmax, floor, if_else, ...); return their instants "
                 "in events(), or who follows it may step over them",
                 type(self).__name__,
             )
-        formulas.internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)
+        formulas.check_internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)
         if isinstance(self, SampledStates):
             self._check_update(formulas)
         formulas.check_units(self.layout().variables, symbols, t="s")
@@ -153,7 +150,7 @@ class Operator(SignalComponent, abstract=True):
                 )
 
     def triple(self) -> list[ca.SX]:
-        """y and its derivatives along the motion of the internal states."""
+        """Signal y and its first two derivatives, along the motion of the internal states."""
         rates, triple = self.internal_rate_column(), [ca.SX(self.signal(self.clock))]
         for _ in range(2):
             y = triple[-1]
@@ -171,6 +168,6 @@ class Operator(SignalComponent, abstract=True):
 
     @final
     def first_after(self, instants: Iterable[ca.SX]) -> ca.SX:
-        """First of some instants after ``clock`` [s]; the greatest double if there is none."""
+        """Earliest of these instants after ``clock`` [s]; the greatest double if there is none."""
         after = [ca.if_else(instant > self.clock, instant, sys.float_info.max) for instant in instants]
         return reduce(ca.fmin, after, ca.SX(sys.float_info.max))

@@ -33,14 +33,14 @@ class SampledStates(SignalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
-        self.discrete = self._symbols(state.name for state in self.discrete_states)
+        self.discrete = self._add_symbols(state.name for state in self.discrete_states)
 
     @abstractmethod
     def update(self) -> Mapping[str, ca.SX]:
-        """Discrete states after a sample, by name, from those before it and the inputs."""
+        """Discrete states after a sample, by name; the symbols are those before it, and the inputs at its instant."""
 
     def last_sample(self, t: ca.SX) -> ca.SX:
-        """Instant of the last sample before or at t [s], which clocks may miss; by default a multiple of the period."""
+        """Instant [s] of the last sample before or at t, up to an error of clocks; a multiple of the period."""
         return self.period * ca.floor(t / self.period + CLOCK_ERROR)
 
     @classmethod
@@ -48,49 +48,51 @@ class SampledStates(SignalComponent, abstract=True):
     def is_sampled(cls) -> bool:
         return True
 
-    def readable(self, memory: ca.SX) -> ca.SX:
-        """Discrete states as the rest of the component sees them."""
-        return self._split(memory)[1]
+    def visible_states(self, memory: ca.SX) -> ca.SX:
+        """Discrete states that other formulas of the component see."""
+        return self._memory_parts(memory)[1]
 
     @final
     def after_sample(self, memory: ca.SX) -> ca.SX:
-        """Memory after the sample that is due at ``clock``, or was taken there; else the same."""
-        before, after, last = self._split(memory)
+        """Memory after a sample at ``clock``, one that is due or is taken again; without one, the same memory."""
+        before, after, last = self._memory_parts(memory)
         instant, near = self.last_sample(self.clock), CLOCK_ERROR * self.period
         is_sample = self.clock - instant <= near
         before = ca.if_else(ca.logic_and(is_sample, instant > last + 2 * near), after, before)
         is_due = ca.logic_and(is_sample, instant > last - 2 * near)
-        return ca.vertcat(before, ca.if_else(is_due, self._updated(before), after), ca.if_else(is_due, instant, last))
+        return ca.vertcat(
+            before, ca.if_else(is_due, self._states_after_update(before), after), ca.if_else(is_due, instant, last)
+        )
 
     def memory_at_start(self, start: ca.SX) -> ca.SX:
-        """Memory at initialization; of an operator before the sample that may be due.
+        """Memory at initialization; in an operator, before a sample that is due at the start.
 
         :param start: discrete states.
         """
         return ca.vertcat(start, start, self.clock - 3 * CLOCK_ERROR * self.period)
 
     @final
-    def margin(self, memory: ca.SX) -> ca.SX:
-        """What stays > 0 while each sample before ``clock`` was taken [s]."""
+    def missed_sample_margin(self, memory: ca.SX) -> ca.SX:
+        """Number [s] that is > 0 unless a sample before ``clock`` was missed."""
         near = CLOCK_ERROR * self.period
-        return self._split(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
+        return self._memory_parts(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
 
     def layout(self) -> Layout:
         inner, states = super().layout(), self.discrete_states
-        starts = (state.variable("parameter", "fixed", f"{state.name}_0") for state in states)
+        starts = (state.start_parameter() for state in states)
         held = (event_output(item.name, item.unit, item.description, causality=item.causality) for item in states)
         return replace(inner, parameters=(*inner.parameters, *starts), outputs=(*inner.outputs, *held))
 
-    def _split(self, memory: ca.SX) -> list[ca.SX]:
-        """Discrete states before and after the last sample, and its instant."""
+    def _memory_parts(self, memory: ca.SX) -> list[ca.SX]:
+        """Discrete states before the last sample, those after it, and its instant, from the memory."""
         n = self.discrete.numel()
         return ca.vertsplit(memory, [0, n, 2 * n, 2 * n + 1])
 
     def _check_update(self, formulas: Formulas) -> None:
         unit = {item.name: ANY if item.unchecked else item.unit for item in self.discrete_states}
-        formulas.each("update", self.symbols | {"t": self.clock}, unit)
+        formulas.check_mapping("update", self.symbols | {"t": self.clock}, unit)
 
-    def _updated(self, before: ca.SX) -> ca.SX:
+    def _states_after_update(self, before: ca.SX) -> ca.SX:
         values = self.update()
         after = stack(ca.SX(values[item.name]) for item in self.discrete_states)
         return ca.substitute(after, self.discrete, before)
@@ -115,9 +117,9 @@ class Sampled(SampledStates, abstract=True):
         formulas.check_units(self.layout().variables, self.symbols | {"t": self.clock}, t="s")
 
     @final
-    def readable(self, memory: ca.SX) -> ca.SX:
-        """Discrete states as they are read: outputs after the delay of computation."""
-        before, after, last = map(ca.vertsplit, self._split(memory))
+    def visible_states(self, memory: ca.SX) -> ca.SX:
+        """Discrete states that other formulas see: outputs change after the delay of computation."""
+        before, after, last = map(ca.vertsplit, self._memory_parts(memory))
         is_ready = self.clock >= last[0] + self.delay - CLOCK_ERROR * self.period
         return stack(
             ca.if_else(is_ready, new, old) if isinstance(item, DiscreteOutput) else new

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 @dataclass_transform(eq_default=False, frozen_default=True)
 def _shape(cls: type[T]) -> type[T]:
-    """Decorator of the class of a shape."""
+    """Decorator that makes the class of a shape a dataclass."""
     return dataclass(frozen=True, slots=True, eq=False)(cls)
 
 
@@ -34,14 +34,17 @@ class Drawn:
     __slots__ = ()
 
     def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
+        """Entry of the picture's file, as JSON.
+
+        :param named: replaces expressions by names of variables.
+        """
         entry: dict[str, Any] = {"shape": type(self).__name__.lower()}
         for field in fields(self):  # pyright: ignore[reportArgumentType] - those of the dataclass
             name, value = field.name, getattr(self, field.name)
             if name in _POINTS:
-                entry[_POINTS[name]] = _point(value, named)
+                entry[_POINTS[name]] = _json_point(value, named)
             elif name != "radius" or value is not None:
-                entry[name] = _written(value, named)
+                entry[name] = _json_value(value, named)
         return entry
 
 
@@ -146,7 +149,7 @@ class Flash(Drawn):
     liaison: str
 
     def document(self, named: Named) -> dict[str, Any]:
-        return {"shape": "flash", "at": _point(self.at, named), "count": suffixed(self.liaison, "_impacts")}
+        return {"shape": "flash", "at": _json_point(self.at, named), "count": suffixed(self.liaison, "_impacts")}
 
 
 Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail | Rope | Floor | Flash
@@ -156,7 +159,7 @@ _AXES = ("x", "y", "z")
 
 
 def turned(axis: Literal["x", "y", "z"], angle: Number) -> ca.SX:
-    """Rotation matrix (3, 3) of a turn by an angle [rad] about an axis, by the right-hand rule."""
+    """Rotation matrix (3, 3) by an angle [rad] about an axis, after the right-hand rule."""
     c, s, i = ca.cos(angle), ca.sin(angle), _AXES.index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
     matrix = ca.SX.eye(3)
@@ -178,14 +181,14 @@ def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX
 _POINTS = {"start": "from", "end": "to", "at": "at", "normal": "normal"}
 
 
-def _point(position: VariableReference, named: Named) -> list[float | str]:
+def _json_point(position: VariableReference, named: Named) -> list[float | str]:
     return [named(position.get(axis, 0.0)) for axis in _AXES]
 
 
-def _written(value: Any, named: Named) -> Any:
-    """Points, numbers, a matrix by columns, or a number."""
+def _json_value(value: Any, named: Named) -> Any:
+    """Value of a field as JSON: a list of points or numbers, a matrix by columns, or one number."""
     if isinstance(value, Sequence):
-        return [_point(item, named) if isinstance(item, Mapping) else named(item) for item in value]
+        return [_json_point(item, named) if isinstance(item, Mapping) else named(item) for item in value]
     if getattr(value, "shape", ()) == (3, 3):
         return [[named(value[i, j]) for i in range(3)] for j in range(3)]
     return value if isinstance(value, bool) else named(value)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import Literal, NamedTuple
 
+from liaisons.base.arguments import positive
 from liaisons.errors import ComponentError
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
@@ -60,7 +59,7 @@ class Variable:
         return (self.start or 0.0,) * self.count
 
     def elements(self) -> tuple[Variable, ...]:
-        """Scalar variables ``theta[1]``, ``theta[2]``, ...; of a scalar itself."""
+        """Scalar variables ``theta[1]``, ``theta[2]``, ... of an array; for a scalar, the variable itself."""
         if self.dimension is None:
             return (self,)
         return tuple(
@@ -140,9 +139,7 @@ class Experiment:
 
     def __post_init__(self) -> None:
         for name in ("stop_time", "step_size", "tolerance"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
-                raise ComponentError(f"Experiment: {name} = {value!r}: it must be a number > 0")
+            positive(f"Experiment: {name}", getattr(self, name), ComponentError)
 
 
 def element(name: str, index: int) -> str:

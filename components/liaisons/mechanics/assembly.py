@@ -52,9 +52,9 @@ def _signal_model(component: Any, n: object) -> Model:
         before, memory = stack(ca.SX.sym(f"{name}_0") for name in states), ca.SX.sym("m", len(names))
         k, at_start = ca.vertcat(k, before), m.memory_at_start(before)
         own["outputs_function"] = ca.vertcat(own["outputs_function"], m.discrete)
-        own = {name: ca.substitute(value, m.discrete, m.readable(memory)) for name, value in own.items()}
+        own = {name: ca.substitute(value, m.discrete, m.visible_states(memory)) for name, value in own.items()}
         own |= {"sample": m.after_sample(memory), "events": events}
-        limits = {LATE: m.margin(memory), **limits}
+        limits = {LATE: m.missed_sample_margin(memory), **limits}
     vectors = {"t": m.clock, "y": x, "u": m.input_column, "k": k, "m": memory}
     read = {
         **own,

@@ -31,7 +31,7 @@ class Dynamics:
 
 def dynamics_of(m: Mechanism, L: ca.SX) -> Dynamics:
     """Terms of the equations of a mechanism with the Lagrangian L."""
-    return _by_recursion(m) if isinstance(m, Linkage) and m.is_of_bodies else _by_differentiation(m, L)
+    return _by_recursion(m) if isinstance(m, Linkage) and m.has_derived_energies else _by_differentiation(m, L)
 
 
 def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:

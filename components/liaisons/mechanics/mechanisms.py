@@ -91,7 +91,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
 
 def _is_printed_by_frames(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:
     """Whether a linkage is too large for its equations to be printed without its frames."""
-    return isinstance(m, Linkage) and m.is_of_bodies and ca.n_nodes(equations.lagrangian) > _PRINTED
+    return isinstance(m, Linkage) and m.has_derived_energies and ca.n_nodes(equations.lagrangian) > _PRINTED
 
 
 def _output_expressions(

@@ -262,7 +262,7 @@ def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
         yield Equation("dry_friction", item.name, m.expression_of(item))
         normal = m.symbols[suffixed(item.normal, "_force")] if item.normal else ca.SX(1)
         for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
-            yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
+            yield Equation("dry_friction", f"{letter}_{item.name}", m.contact_coefficient(threshold) * normal)
 
 
 def _row_equations(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:

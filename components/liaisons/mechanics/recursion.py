@@ -52,9 +52,9 @@ class Recursion:
     @property
     def lagrangian_gradient(self) -> ca.SX:
         """Gradient Kᵀ ∂L/∂q without springs (f,)."""
-        gravity = [ca.vertcat(ca.SX(3, 1), self.m.weight())] * (len(self.frames) + 1)
+        gravity = [ca.vertcat(ca.SX(3, 1), self.m.gravity_vector())] * (len(self.frames) + 1)
         for i, frame in enumerate(self.frames):
-            gravity[i] = self._share("w", i, ca.vertcat(ca.SX(3, 1), frame.turn.T @ gravity[frame.parent][3:]))
+            gravity[i] = self._share("w", i, ca.vertcat(ca.SX(3, 1), frame.rotation.T @ gravity[frame.parent][3:]))
         weights = self._summed_inwards("W", map(ca.mtimes, self.inertias, gravity))
         carried = map(_force_cross, self.carried, self.momenta)
         return self._axis_forces([weight - h for weight, h in zip(weights, carried, strict=True)])
@@ -107,7 +107,7 @@ class Recursion:
     @property
     def _ground_acceleration(self) -> ca.SX:
         """Acceleration of the ground that has the effect of gravity (6, 1)."""
-        return ca.vertcat(ca.SX(3, 1), -self.m.weight())
+        return ca.vertcat(ca.SX(3, 1), -self.m.gravity_vector())
 
     @property
     def _velocity_product_accelerations(self) -> list[ca.SX]:
@@ -174,18 +174,18 @@ class Recursion:
 def _motion_in_frame(frame: Frame, motion: ca.SX) -> ca.SX:
     """Motion X v of the parent, in the frame (6, 1)."""
     spin, velocity = motion[:3], motion[3:]
-    return ca.vertcat(frame.turn.T @ spin, frame.turn.T @ (velocity + skew(spin) @ frame.place))
+    return ca.vertcat(frame.rotation.T @ spin, frame.rotation.T @ (velocity + skew(spin) @ frame.position))
 
 
 def _force_in_parent(frame: Frame, force: ca.SX) -> ca.SX:
     """Force Xᵀ f on the frame, in its parent; of several forces one a column (6, n)."""
-    linear = frame.turn @ force[3:, :]
-    return ca.vertcat(frame.turn @ force[:3, :] + skew(frame.place) @ linear, linear)
+    linear = frame.rotation @ force[3:, :]
+    return ca.vertcat(frame.rotation @ force[:3, :] + skew(frame.position) @ linear, linear)
 
 
 def _inertia_in_parent(frame: Frame, inertia: ca.SX) -> ca.SX:
     """Inertia Xᵀ I X of the frame, in its parent (6, 6)."""
-    R, r = frame.turn, skew(frame.place)
+    R, r = frame.rotation, skew(frame.position)
     angular, coupling, linear = (R @ block @ R.T for block in (inertia[:3, :3], inertia[:3, 3:], inertia[3:, 3:]))
     linear = _from_upper_triangle(linear)
     moved = coupling + r @ linear

@@ -127,9 +127,9 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
 def contact_thresholds(m: MechanicalComponent) -> dict[str, ca.SX]:
     """Columns of the restitutions, and of what bounds dry friction, by their names in :data:`CONTACT_NUMBERS`."""
     return {
-        "restitution": stack(m.threshold(item.restitution or "") for item in m.unilaterals),
-        "stick": stack(m.threshold(item.static) for item in m.dry_frictions),
-        "slide": stack(m.threshold(item.sliding) for item in m.dry_frictions),
+        "restitution": stack(m.contact_coefficient(item.restitution or "") for item in m.unilaterals),
+        "stick": stack(m.contact_coefficient(item.static) for item in m.dry_frictions),
+        "slide": stack(m.contact_coefficient(item.sliding) for item in m.dry_frictions),
     }
 
 

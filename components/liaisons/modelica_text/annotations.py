@@ -9,7 +9,7 @@ import numpy as np
 
 from liaisons.language import Mechanism, Operator
 from liaisons.language.component import Component
-from liaisons.modelica_text.text import quoted
+from liaisons.modelica_text.text import string_literal
 
 MOST_SHAPES, MOST_POINTS = 6, 12
 _LAWS = "p = ∂L/∂q_dot: K eq. 78; der(p) = ∂L/∂q + Q: M eq. 36; forces of the operator: M eq. 27."
@@ -23,11 +23,11 @@ def annotation(component: type[Component]) -> str:
     texts += [component.summary() if issubclass(component, Operator) else _LAWS]
     body = "".join(f"<p>{html.escape(text, quote=False)}</p>" for text in texts)
     icon = ", ".join(_graphics(component) if issubclass(component, Mechanism) else ()) or _NAME
-    return f"annotation(Icon(graphics={{{icon}}}), Documentation(info={quoted(f'<html>{body}</html>')}));"
+    return f"annotation(Icon(graphics={{{icon}}}), Documentation(info={string_literal(f'<html>{body}</html>')}));"
 
 
 def _graphics(component: type[Mechanism]) -> list[str]:
-    """Return graphics of the shapes, in the plane in which they are widest; none if they are many."""
+    """Return graphics of the picture at the start, in the plane where it is widest; none for many shapes."""
     m = component()
     starts = [m.start_values()[name] for name in m.symbols]
 
@@ -35,7 +35,7 @@ def _graphics(component: type[Mechanism]) -> list[str]:
         return float(ca.Function("at_start", [*m.symbols.values()], [ca.densify(ca.SX(expression))])(*starts))
 
     shapes = [document for shape in m.picture() if (document := shape.document(at_start))["shape"] != "trail"]
-    paths = [np.array(_outline(**shape), dtype=float) for shape in shapes]
+    paths = [np.array(_outline_points(**shape), dtype=float) for shape in shapes]
     if not 0 < len(paths) <= MOST_SHAPES:
         return []
     low, high = (extreme(np.concatenate(paths), axis=0) for extreme in (np.min, np.max))
@@ -49,8 +49,8 @@ def _graphics(component: type[Mechanism]) -> list[str]:
     return [text.translate(str.maketrans("[]", "{}")) for text in texts]
 
 
-def _outline(**shape: Any) -> list[list[float]]:
-    """Return some points of a shape, in order."""
+def _outline_points(**shape: Any) -> list[list[float]]:
+    """Return the points of a shape in drawing order, thinned out."""
     points = shape.get("points") or [shape[end] for end in ("at", "from", "to") if end in shape]
     points = points[:: len(points) // MOST_POINTS or 1]
     return [*points, *points[: int(shape.get("closed", 0))]]

@@ -16,10 +16,10 @@ from liaisons.modelica_text.text import (
     Section,
     component_clause,
     declaration,
-    filled,
-    indented,
-    model,
-    number,
+    filled_lines,
+    indented_lines,
+    model_lines,
+    number_literal,
     parameters,
     units_of,
 )
@@ -27,18 +27,18 @@ from liaisons.modelica_text.text import (
 _ENDS = ("", "_dot", "_ddot")
 
 
-def chain_motion(component: type[Chain]) -> list[str]:
+def chain_motion_model(component: type[Chain]) -> list[str]:
     """Return lines of the model ``Motion`` of a chain.
 
-    ``pi`` and ``phi`` of the links beyond a joint are ∂L/∂ẇ and ∂L/∂w with the forces from outside.
+    ``pi`` and ``phi`` are ∂L/∂ẇ and ∂L/∂w of the links beyond a joint w, with outer forces.
     """
     refuse_contacts(component, "Modelica text of a chain", "import its FMU")
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
-    pi, phi, pi_dot = (_symbol_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    pi, phi, pi_dot = (_new_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
     beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
-    Q, attached = (_symbol_column(f"Q_{name}" for name in group) for group in (names, points))
+    Q, attached = (_new_column(f"Q_{name}" for name in group) for group in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
     indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
@@ -47,13 +47,13 @@ def chain_motion(component: type[Chain]) -> list[str]:
     L, F_q, F_w, F_dot = T - link.potential, ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
     p_v, p_w = gradient(T, v), gradient(T, w_dot)
 
-    def force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
-        """Return ∂L/∂x with the forces from outside, friction and the links beyond."""
+    def generalised_force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
+        """Return the force along x: ∂L/∂x, outer forces, friction, and the forces of the links beyond."""
         applied = ca.jacobian(link.points, x).T @ attached - link.friction.against(x_dot)
         return gradient(L, x) + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
 
-    def rate(p: ca.SX, slope: ca.SX) -> ca.SX:
-        """Return the rate of p with what the links beyond add."""
+    def momentum_rate(p: ca.SX, slope: ca.SX) -> ca.SX:
+        """Return the rate of a momentum p, with the momenta of the links beyond."""
         turning = ca.reshape(m.dot(ca.vec(ca.densify(slope))), *slope.shape)
         return m.dot(p) + turning.T @ pi + slope.T @ pi_dot
 
@@ -64,29 +64,29 @@ def chain_motion(component: type[Chain]) -> list[str]:
         ("der({}[i])", names, v),
         ("p_{}[i]", names, p_v + F_q.T @ pi),
         ("pi_{}[i]", axes, p_w + F_w.T @ pi),
-        ("der(p_{}[i])", names, Q + force(q, v)),
-        ("phi_{}[i]", axes, force(w, w_dot)),
-        ("der(p_{}[i])", names, rate(p_v, F_q)),
-        ("pi_dot_{}[i]", axes, rate(p_w, F_w)),
+        ("der(p_{}[i])", names, Q + generalised_force(q, v)),
+        ("phi_{}[i]", axes, generalised_force(w, w_dot)),
+        ("der(p_{}[i])", names, momentum_rate(p_v, F_q)),
+        ("pi_dot_{}[i]", axes, momentum_rate(p_w, F_w)),
         ("{}[i]", points, link.points),
         ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
     ):
-        loop.rows(map(form.format, names_of_form), column)
+        loop.add_rows(map(form.format, names_of_form), column)
 
     base = m.base()
     joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
     forces = ca.jacobian(joint, m.s).T @ (pi_dot - phi)
     for end in _ENDS:
-        outside.rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
+        outside.add_rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
         joint = m.dot(joint)
-    outside.rows((f"{s.name}_force" for s in m.actives), forces)
+    outside.add_rows((f"{s.name}_force" for s in m.actives), forces)
     for item in m.calculated_parameters:
         outside.add(item.name, getattr(m, item.name))
     outside.statements += [f"{x}[n + 1] = 0;" for x in beyond]
     sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
 
-    constants, initial = parameters(m, _start_text, "[n]")
-    unit = _units(m)
+    constants, initial = parameters(m, _start_literal, "[n]")
+    unit = _units_of_chain(m)
     texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
     declared_names = [p.name for p in m.parameters] + ["bonded"]
 
@@ -114,16 +114,16 @@ def chain_motion(component: type[Chain]) -> list[str]:
         *component_clause("Real", (variable(name, "[n]") for name in of_links)),
     ]
     equations = [
-        *filled(outside.statements),
+        *filled_lines(outside.statements),
         "for i in 1:n loop",
-        *indented(filled(loop.statements)),
+        *indented_lines(filled_lines(loop.statements)),
         "end for;",
-        *filled([*sums, "energy = kinetic_energy + potential_energy;"]),
+        *filled_lines([*sums, "energy = kinetic_energy + potential_energy;"]),
     ]
-    return model(MOTION, declarations, equations, initial)
+    return model_lines(MOTION, declarations, equations, initial)
 
 
-def _units(m: Chain) -> dict[str, str]:
+def _units_of_chain(m: Chain) -> dict[str, str]:
     """Return the units of variables by name."""
     unit = units_of(m) | dict.fromkeys(("kinetic", "potential"), "J")
     for axis, of in type(m).joint.unit_of.items():
@@ -136,13 +136,13 @@ def _units(m: Chain) -> dict[str, str]:
     return unit
 
 
-def _symbol_column(names: Iterable[str]) -> ca.SX:
+def _new_column(names: Iterable[str]) -> ca.SX:
     """Return a column of new symbols."""
     return ca.vertcat(*map(ca.SX.sym, names), ca.SX(0, 1))
 
 
-def _start_text(v: Variable) -> str:
-    """Return the start value of a variable of n links."""
+def _start_literal(v: Variable) -> str:
+    """Return the literal of a start value; that of an array has n elements."""
     if v.dimension and isinstance(v.start, tuple):
-        return f"cat(1, {number(v.start)}, zeros(n - {len(v.start)}))"
-    return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])
+        return f"cat(1, {number_literal(v.start)}, zeros(n - {len(v.start)}))"
+    return f"fill({number_literal(v.starts[0])}, n)" if v.dimension else number_literal(v.starts[0])

@@ -15,7 +15,7 @@ from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.unilateral import contact_numbers, contacts_of
-from liaisons.modelica_text.text import Section, declaration, wrapped
+from liaisons.modelica_text.text import Section, declaration, statement_lines
 
 # Bounces lower than 1e-12 of the gap's scale are left out; impacts after a fall from higher than 1e-6 of it count.
 # What is held moves by more than 1e-6 of the scale of its rate only if a prescribed coordinate has jumped.
@@ -43,11 +43,11 @@ end when;"""
 
 
 def add_contacts(
-    e: Equations, section: Section, unit: dict[str, str], outside: Callable[[ca.SX], ca.SX]
+    e: Equations, section: Section, unit: dict[str, str], with_outer_forces: Callable[[ca.SX], ca.SX]
 ) -> tuple[list[str], list[str], list[str]]:
-    """Write the equations of contacts.
+    """Write the equations of unilateral liaisons and dry frictions without events, and return those with events.
 
-    :param outside: replaces drives and loads by outer forces Q.
+    :param with_outer_forces: replaces drives and loads by outer forces Q.
     :param unit: units by name, to which those of further variables are added.
     :returns: declarations of discrete variables, initial equations, and lines of equations with events.
     :raises ComponentError: for contacts that act on each other, on constraints or on orientations.
@@ -59,7 +59,7 @@ def add_contacts(
     along = ca.jacobian(numbers["v"], m.free.q_dot)
     compliance = ca.sparsify(along @ solve_symmetric(e.mass_matrix, along.T))
     held = e.in_motion(m.dot(numbers["v"]))
-    freely = outside(ca.substitute(held, m.contact_forces, ca.SX.zeros(len(contacts))))
+    freely = with_outer_forces(ca.substitute(held, m.contact_forces, ca.SX.zeros(len(contacts))))
     pairs = combinations(range(len(contacts)), 2)
     coupled = any(c.normal for c in contacts) or any(compliance.has_nz(i, j) for i, j in pairs)
     if coupled or e.constraints.residuals.numel() or m.orientations:
@@ -80,7 +80,7 @@ def add_contacts(
             own |= {n: numbers["gap"][row], f"{n}_scale": numbers["scale"][row]}
             own[f"{n}_restitution"] = numbers["restitution"][row]
             unit |= {f"{n}_scale": unit[n], f"{n}_restitution": "1"}
-        section.rows([*own, f"{n}_mass"], ca.vertcat(*own.values(), 1 / compliance[i, i]))
+        section.add_rows([*own, f"{n}_mass"], ca.vertcat(*own.values(), 1 / compliance[i, i]))
         impulse = f"{n}_mass*{v}" if c.friction else f"(pre({n}_impulse) - {n}_impulse)"
         jumps = [
             f"reinit(p_{q.name}, p_{q.name} - ({section.write_expression(along[i, k])})*{impulse});"
@@ -90,7 +90,7 @@ def add_contacts(
         words = {"n": n, "v": v, "a": a, "low": _LOW.format(n=n, v=v, a=a), "square": STABILISATION**2}
         words |= {"held": f"{a} + {2 * STABILISATION:g}*{v}", "jumps": " ".join(jumps).replace("(1)*", "")}
         lines = (_FRICTION if c.friction else _GAP).format_map(words).splitlines()
-        clauses += [line for statement in lines for line in wrapped(statement)]
+        clauses += [line for statement in lines for line in statement_lines(statement)]
         free = section.write_expression(freely[i])
         if c.friction:
             declarations.append(f'Integer {n}_direction(start=0) "of sliding; 0: sticks"; Boolean {n}_sticks;')

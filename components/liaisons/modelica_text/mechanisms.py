@@ -24,15 +24,15 @@ from liaisons.modelica_text.text import (
     bound_assertions,
     component_clause,
     declaration,
-    filled,
-    model,
+    filled_lines,
+    model_lines,
     parameters,
-    quoted,
+    string_literal,
     units_of,
 )
 
 
-def motion(component: type[Mechanism]) -> list[str]:
+def motion_model(component: type[Mechanism]) -> list[str]:
     """Return lines of the model ``Motion``: coordinates, rates, accelerations and outer forces are unknowns."""
     if component().layout().dimensions:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
@@ -44,7 +44,7 @@ def motion(component: type[Mechanism]) -> list[str]:
     conditions = bound_assertions((*m.parameters, *m.actives, *m.coordinates))
     for item in m.assertions:
         if distance := section.write_expression(getattr(m, item.name), LONGEST):
-            conditions.append(f"assert({distance} > 0, {quoted(item.description)});")
+            conditions.append(f"assert({distance} > 0, {string_literal(item.description)});")
         else:
             section.unsaid.append(item.name)
     _add_laws(e, section)
@@ -64,17 +64,17 @@ def motion(component: type[Mechanism]) -> list[str]:
         )
     constants, initial = parameters(m)
     declarations = [*constants, *discrete, *_declarations(e, section, unit), *section.comment]
-    equations = [*filled([*conditions, *section.statements]), *clauses]
-    return model(MOTION, declarations, equations, [*initial, *contact_starts])
+    equations = [*filled_lines([*conditions, *section.statements]), *clauses]
+    return model_lines(MOTION, declarations, equations, [*initial, *contact_starts])
 
 
 def _add_laws(e: Equations, section: Section) -> None:
-    """Write the equations of the component's page, with outer forces Q in place of drives and loads."""
+    """Write the component's laws of motion, with outer forces Q in place of drives and loads."""
     m, rates = e.mechanism, ca.vertsplit(e.mechanism.dot(e.momenta))
     names = [f"p_{v}".removesuffix("_dot") for v in map(str, ca.vertsplit(m.free.q_dot))]
     momenta = stack(map(ca.SX.sym, names))
     quaternions = {f"{name}_dot" for o in m.orientations for name in o.quaternion}
-    section.rows(names, e.momenta)
+    section.add_rows(names, e.momenta)
     section.statements += [f"der({identifier(q.name)}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
@@ -91,13 +91,13 @@ def _add_laws(e: Equations, section: Section) -> None:
     for i, o in enumerate(m.orientations):  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
         attitude, own = getattr(m, o.name), slice(count + 3 * i, count + 3 * i + 3)
         p = momenta[own]
-        section.rows(o.momenta, attitude.matrix @ p)
+        section.add_rows(o.momenta, attitude.matrix @ p)
         balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[own])
-        section.rows((f"{section.write_expression(rate)}" for rate in rates[own]), balance)
+        section.add_rows((f"{section.write_expression(rate)}" for rate in rates[own]), balance)
 
 
 def _with_outer_forces(e: Equations, expression: ca.SX) -> ca.SX:
-    """Expression with outer forces Q in place of drives and loads."""
+    """Return an expression with outer forces Q in place of drives and loads."""
     applied = [ca.SX.sym(f"Q_{q.name}") for q in e.mechanism.coordinates]
     attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
     outside = ca.vertcat(*applied, *[0] * len(applied), *attached)
@@ -105,7 +105,7 @@ def _with_outer_forces(e: Equations, expression: ca.SX) -> ca.SX:
 
 
 def _add_constraints(e: Equations, section: Section) -> None:
-    """Write residuals r, and how they decay: r̈ + 2α ṙ + α² r = 0, of non-holonomic constraints ṙ + α r = 0."""
+    """Write the residuals r of constraints and their decay: r̈ + 2α ṙ + α² r = 0, non-holonomic ṙ + α r = 0."""
     m, constraints = e.mechanism, e.constraints
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
         name, rate = f"{item.name}_residual", constraints.rate_residuals[i]
@@ -118,7 +118,7 @@ def _add_constraints(e: Equations, section: Section) -> None:
 
 
 def _declarations(e: Equations, section: Section, unit: dict[str, str]) -> Iterator[str]:
-    """Yield declarations: active and free coordinates with their rates, then all the other variables."""
+    """Yield declarations of active and free coordinates with their rates, then of all further variables."""
     m = e.mechanism
     unit |= {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}

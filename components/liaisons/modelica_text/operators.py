@@ -15,9 +15,9 @@ from liaisons.modelica_text.text import (
     bound_assertions,
     component_clause,
     declaration,
-    filled,
-    model,
-    number,
+    filled_lines,
+    model_lines,
+    number_literal,
     parameters,
 )
 
@@ -49,7 +49,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
     operator, layout = component(), component().layout()
     operator.lookups = []
-    vars(operator)["signal"] = partial(_with_choices, operator.signal)
+    vars(operator)["signal"] = partial(_with_if_else, operator.signal)
     columns = [stack(operator.triple()), operator.internal_rate_column()]
     # Rows of a table change without an event.
     section = Section(Notation.from_model(assemble(component)), {"t": "time"}, events=not operator.lookups)
@@ -66,20 +66,20 @@ def operator_classes(component: type[Operator]) -> list[str]:
                     rests = "true" if lookup.rests else "false"
                     section.statements.append(f"{entries[-1]} = entry({read_at}, {rests});")
     triple, rates = (ca.substitute(x, stack(symbols), stack(entries)) for x in columns)
-    section.rows((f"der({state.name})" for state in component.internal_states), rates)
-    section.rows((f"y[{i}]" for i in (1, 2, 3)), triple)
+    section.add_rows((f"der({state.name})" for state in component.internal_states), rates)
+    section.add_rows((f"y[{i}]" for i in (1, 2, 3)), triple)
 
     rows = max((len(p.leading) for p in operator.table if len({*p.leading}) > 1), default=2)
 
     def value(v: Variable) -> str:
-        return number(v.starts[:rows] if v.dimension else v.starts[0])
+        return number_literal(v.starts[:rows] if v.dimension else v.starts[0])
 
     constants, initial = parameters(operator, value, "[:]")
     without = [x.name for x in (*layout.parameters, *layout.inputs, *component.internal_states)]
     declarations = [
         *constants,
         *(
-            f'input Real {declaration(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";'
+            f'input Real {declaration(v.name, v.unit)} = {number_literal(v.starts[0])} "{v.description}";'
             for v in layout.inputs
         ),
         *(
@@ -91,10 +91,10 @@ def operator_classes(component: type[Operator]) -> list[str]:
     ]
     return [
         *(_ENTRY.splitlines() if symbols else []),
-        *model(
+        *model_lines(
             'model Signals "The signal and its two derivatives"',
             declarations,
-            filled([*bound_assertions(component.parameters), *section.statements]),
+            filled_lines([*bound_assertions(component.parameters), *section.statements]),
             initial,
             component.experiment,
         ),
@@ -103,8 +103,8 @@ def operator_classes(component: type[Operator]) -> list[str]:
     ]
 
 
-def _with_choices(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
-    """Return the signal with choices in place of minima and maxima: their derivatives need no division."""
+def _with_if_else(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
+    """Return the signal with if_else in place of fmin and fmax, whose derivatives CasADi writes with a division."""
     expression = ca.SX(signal(t))
     symbols = ca.symvar(expression)
 

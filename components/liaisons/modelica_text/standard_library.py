@@ -2,7 +2,7 @@
 
 import re
 
-from liaisons.modelica_text.text import STRING, filled
+from liaisons.modelica_text.text import STRING, filled_lines
 
 TYPES = {
     "m": "Position",
@@ -33,13 +33,13 @@ _UNIT = re.compile(r'([^("]+)\(unit="([^"]+)"(?:, )?(.*)')
 
 
 def with_standard_library(text: str) -> str:
-    """Return a package with connectors and types of the Modelica Standard Library 4."""
+    """Return the text of a package with the connectors and types of the Modelica Standard Library 4."""
     head, body = _FLANGE.sub(r"Modelica.Mechanics.\1al.Interfaces.Flange_a", _OWN.sub("", text)).split("\n", 1)
-    return f"{head}\n  import Modelica.Units.SI;\n{_DECLARATION.sub(_typed, body)}"
+    return f"{head}\n  import Modelica.Units.SI;\n{_DECLARATION.sub(_typed_declarations, body)}"
 
 
-def _typed(declaration: re.Match[str]) -> str:
-    """Return a declaration for each type."""
+def _typed_declarations(declaration: re.Match[str]) -> str:
+    """Return a declaration of variables with units as one for each type of the library."""
     indentation, prefix, kind, listed = declaration.groups()
     variables, depth = [""], 0
     for token in _TOKEN.findall(listed):
@@ -56,5 +56,5 @@ def _typed(declaration: re.Match[str]) -> str:
             groups.setdefault(f"SI.{name}", []).append(f"{match[1]}({match[3]}".replace("()", "", 1))
         else:
             groups.setdefault(kind, []).append(variable)
-    lines = filled(f"{prefix}{name} {', '.join(group)};" for name, group in groups.items())
+    lines = filled_lines(f"{prefix}{name} {', '.join(group)};" for name, group in groups.items())
     return "\n".join(indentation + line for line in lines)

@@ -22,25 +22,25 @@ WORD = r"(?<![\w.'])[A-Za-z_]\w*(?!\w*[('])"
 STRING = r'"(?:[^"\\]|\\.)*"'
 
 
-def number(value: float | tuple[float, ...]) -> str:
+def number_literal(value: float | tuple[float, ...]) -> str:
     """Return the literal of a number or an array."""
     if isinstance(value, tuple):
-        return f"{{{', '.join(map(number, value))}}}"
+        return f"{{{', '.join(map(number_literal, value))}}}"
     if not math.isfinite(value):
         raise ComponentError(f"Modelica text has no number {value}; choose a finite one")
     return repr(float(value)).removesuffix(".0")
 
 
-def quoted(text: str) -> str:
+def string_literal(text: str) -> str:
     """Return the literal of a string."""
     return '"' + re.sub(r'([\\"])', r"\\\1", text) + '"'
 
 
 def declaration(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
-    """Return a variable in a declaration: name, attributes, description."""
-    modified = {"unit": unit and quoted(unit)} | attributes
+    """Return the part of a declaration for one variable: name, attributes, description."""
+    modified = {"unit": unit and string_literal(unit)} | attributes
     values = modification({attribute: value for attribute, value in modified.items() if value})
-    return identifier(name) + f"({values})" * bool(values) + f" {quoted(text)}" * bool(text)
+    return identifier(name) + f"({values})" * bool(values) + f" {string_literal(text)}" * bool(text)
 
 
 def modification(values: Mapping[str, str]) -> str:
@@ -49,25 +49,25 @@ def modification(values: Mapping[str, str]) -> str:
 
 
 def component_clause(kind: str, variables: Iterable[str]) -> list[str]:
-    """Return a declaration of several variables; nothing if there are none."""
+    """Return one declaration of several variables; empty without variables."""
     listed = ", ".join(variables)
     return [f"{kind} {listed};"] if listed else []
 
 
 def parameters(
-    component: Component, value: Callable[[Variable], str] = lambda v: number(v.starts[0]), size: str = ""
+    component: Component, value: Callable[[Variable], str] = lambda v: number_literal(v.starts[0]), size: str = ""
 ) -> tuple[list[str], list[str]]:
-    """Return declarations of parameters and start values, and statements that give these to variables.
+    """Return declarations of parameters and start values, and initial equations of the variables that start there.
 
     :param size: of arrays.
     """
     declarations, starts, initial = list[str](), list[str](), list[str]()
     own = {p.name for p in component.parameters}
     for v in component.layout().parameters:
-        low, high = ("" if bound is None else number(bound) for bound in (v.minimum, v.maximum))
+        low, high = ("" if bound is None else number_literal(bound) for bound in (v.minimum, v.maximum))
         text = f"{declaration(v.name + size * bool(v.dimension), v.unit, min=low, max=high)} = {value(v)}"
         if v.name in own:
-            declarations.append(f"parameter Real {text} {quoted(v.description)};")
+            declarations.append(f"parameter Real {text} {string_literal(v.description)};")
         else:
             starts.append(text)
             initial.append(f"{identifier(v.name[:-2])} = {v.name};")
@@ -77,46 +77,48 @@ def parameters(
 
 
 def units_of(component: Component) -> dict[str, str]:
-    """Return the units of variables, and of forces Q from outside."""
+    """Return the units of variables and of outer forces Q, by name."""
     unit = {v.name: v.unit for v in component.layout().variables}
     return unit | {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
 
 
 def bound_assertions(symbols: Iterable[Symbol]) -> list[str]:
-    """Return statements that keep to excluded bounds, which ``min`` and ``max`` cannot say."""
+    """Return assertions of excluded bounds, since ``min`` and ``max`` include theirs."""
     limits = [
-        (s.name, f"{sign} {number(bound)}")
+        (s.name, f"{sign} {number_literal(bound)}")
         for s in symbols
         for sign, bound in ((">", s.minimum), ("<", s.maximum))
         if s.strict and bound is not None
     ]
-    return [f"assert({identifier(name)} {rest}, {quoted(f'{name} {rest} is needed')});" for name, rest in limits]
+    return [
+        f"assert({identifier(name)} {rest}, {string_literal(f'{name} {rest} is needed')});" for name, rest in limits
+    ]
 
 
-def wrapped(statement: str) -> list[str]:
+def statement_lines(statement: str) -> list[str]:
     """Return the lines of one statement; strings stay whole."""
     text = re.sub(STRING, lambda string: string[0].replace(" ", "\0"), statement)
     lines = textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
 
 
-def filled(statements: Iterable[str]) -> list[str]:
+def filled_lines(statements: Iterable[str]) -> list[str]:
     """Return the lines of statements, as many on a line as fit."""
     lines: list[str] = []
     for statement in statements:
         if lines and len(lines[-1] + statement) < WIDTH and not lines[-1].startswith(" "):
             lines[-1] += f" {statement}"
         else:
-            lines += wrapped(statement)
+            lines += statement_lines(statement)
     return lines
 
 
-def indented(lines: Iterable[str]) -> list[str]:
-    """Return lines two columns further right."""
+def indented_lines(lines: Iterable[str]) -> list[str]:
+    """Return lines indented by two columns."""
     return [f"  {line}" for line in lines]
 
 
-def model(
+def model_lines(
     head: str,
     declarations: Iterable[str],
     equations: list[str],
@@ -128,11 +130,12 @@ def model(
     :param head: the first line.
     :param equations: lines.
     """
-    lines = [head, *indented(line for statement in declarations for line in wrapped(statement))]
-    for title, block in (("initial equation", filled(initial)), ("equation", equations)):
-        lines += [title, *indented(block)] if block else []
+    lines = [head, *indented_lines(line for statement in declarations for line in statement_lines(statement))]
+    for title, block in (("initial equation", filled_lines(initial)), ("equation", equations)):
+        lines += [title, *indented_lines(block)] if block else []
     if e := experiment:
-        values = f"StopTime={number(e.stop_time)}, Interval={number(e.step_size)}, Tolerance={number(e.tolerance)}"
+        times = f"StopTime={number_literal(e.stop_time)}, Interval={number_literal(e.step_size)}"
+        values = f"{times}, Tolerance={number_literal(e.tolerance)}"
         lines.append(f"  annotation(experiment({values}));")
     return [*lines, re.sub(r".*?model (\w+).*", r"end \1;", head)]
 
@@ -157,7 +160,7 @@ class Section:
     _abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
 
     def write_expression(self, right: ca.SX, longest: float = math.inf) -> str | None:
-        """Return a formula, after writing its abbreviations; None if it is too long or cannot be said."""
+        """Write the abbreviations of a formula and return it; None if it is too long or Modelica lacks a function."""
         tree = formula(right, self.notation, longest, breaks=True)
         if tree is None:
             return None
@@ -166,7 +169,7 @@ class Section:
             for name, term in tree.where:
                 text = expression(term, local, events=self.events)
                 if text not in self._abbreviations:
-                    short = f"{self.notation.free_letter()}_{len(self._abbreviations) + 1}"
+                    short = f"{self.notation.unused_letter()}_{len(self._abbreviations) + 1}"
                     self._abbreviations[text] = short
                     self.statements.append(f"{short}{self.index} = {text};")
                 local[name.name] = self._abbreviations[text] + self.index
@@ -177,7 +180,7 @@ class Section:
         return result
 
     def add(self, left: str, right: ca.SX, longest: float = math.inf) -> None:
-        """Write an equation, unless its right side is too long or cannot be said."""
+        """Write an equation; one that is too long, or has a function that Modelica lacks, is noted in ``unsaid``."""
         text = self.write_expression(right, longest)
         if text is None:
             self.unsaid.append(left)
@@ -185,17 +188,17 @@ class Section:
             self.variables |= dict.fromkeys(re.findall(r"^(?:der\()?(\w+)[\[\w\s+\])]*$", left))
             self.statements.append(f"{re.sub(WORD, lambda name: identifier(name[0]), left)} = {text};")
 
-    def rows(self, lefts: Iterable[str], column: ca.SX) -> None:
+    def add_rows(self, lefts: Iterable[str], column: ca.SX) -> None:
         """Write an equation for each row of a column."""
         for left, right in zip(lefts, ca.vertsplit(column), strict=True):
             self.add(left, right)
 
     def variables_except(self, *without: str) -> list[str]:
-        """Return the names of its variables and abbreviations, without some."""
+        """Return the names of the section's variables and abbreviations, without these."""
         names = dict.fromkeys([*self.variables, *self._abbreviations.values()])
         return [name for name in names if name not in {*without, "t"}]
 
     @property
     def comment(self) -> list[str]:
-        """Comment on the equations that are missing; none if all are written."""
+        """Comment on the missing equations; empty if all are written."""
         return [f"/* Too long, or not to be said in Modelica: {', '.join(self.unsaid)}. */"] if self.unsaid else []

@@ -31,7 +31,7 @@ _DENSITY = "1000"  # [kg/m3] of a geom without mass
 
 
 def read_mjcf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
-    """The robot of an MJCF file.
+    """Bodies, joints and shapes of an MJCF file.
 
     :raises ComponentError: for a file with a wrong value, or with what would move the bodies in another manner.
     """
@@ -42,7 +42,7 @@ def read_mjcf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool =
 
 @final
 class _Reader:
-    """Reads the document of a robot."""
+    """Reader of a document, which declares what it reads in a robot."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -62,7 +62,7 @@ class _Reader:
         self.bodies: dict[str, tuple[Body, Pose, Pose]] = {"world": (ground, Pose(), Pose())}
 
     def read(self) -> None:
-        """Declare bodies and joints, and the joints that close loops."""
+        """Declare the bodies and joints of the document, and the joints that close loops."""
         robot = self.robot
         for tag in _REFUSED:
             if robot.document.find(f".//{tag}") is not None:
@@ -76,12 +76,12 @@ class _Reader:
         if robot.document.find("worldbody//geom") is not None:
             robot.remarks.append("contacts between geoms")
         for world in robot.document.findall("worldbody"):
-            self._contents(world, ground, Pose(), Pose(), "main")
+            self._read_contents(world, ground, Pose(), Pose(), "main")
         for element in robot.document.findall("equality/*"):
-            self._close(element)
+            self._read_equality(element)
 
     def _merged(self, tag: str) -> Element:
-        """One element with the attributes of all of this tag."""
+        """An element with the attributes of all elements of this tag, the last value of each."""
         merged = Element(tag)
         for element in self.robot.document.findall(tag):
             merged.attrib.update(element.attrib)
@@ -96,7 +96,7 @@ class _Reader:
             self._read_default(inner, inner.get("class", ""), name)
 
     def _resolved(self, item: str, element: Element, childclass: str) -> Element:
-        """The element with the attributes of its class."""
+        """The element with its own attributes and those of its default class."""
         name = element.get("class", childclass)
         if name not in self.defaults:
             self.robot.refuse(
@@ -113,39 +113,33 @@ class _Reader:
             return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), position)
         if "axisangle" in element.attrib:
             *axis, angle = numbers("axisangle", 4)
-            return Pose(Rotation.from_rotvec(self.unit * angle * self._unit(item, axis)), position)
+            return Pose(Rotation.from_rotvec(self.unit * angle * self.robot.unit_vector(item, axis)), position)
         if "xyaxes" in element.attrib:
             x, y = np.split(numbers("xyaxes", 6), 2)
-            x = self._unit(item, x)
-            y = self._unit(item, y - x * (x @ y))
+            x = self.robot.unit_vector(item, x)
+            y = self.robot.unit_vector(item, y - x * (x @ y))
             return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), position)
         if "zaxis" in element.attrib:
-            return Pose(rotation_onto(self._unit(item, numbers("zaxis", 3))), position)
-        quaternion = self._unit(item, numbers("quat", 4, "1 0 0 0"))
+            return Pose(rotation_onto(self.robot.unit_vector(item, numbers("zaxis", 3))), position)
+        quaternion = self.robot.unit_vector(item, numbers("quat", 4, "1 0 0 0"))
         return Pose(Rotation.from_quat(np.roll(quaternion, -1)), position)
 
-    def _unit(self, item: str, vector: Iterable[float]) -> np.ndarray:
-        column = np.array(vector)
-        length = float(np.linalg.norm(column))
-        if not length:
-            self.robot.refuse(item, f"its orientation has the vector {column.tolist()}; it must have a length")
-        return column / length
-
-    def _contents(self, element: Element, body: Body, inner: Pose, world: Pose, childclass: str) -> None:
-        """Read geoms and bodies in a body.
+    def _read_contents(self, element: Element, body: Body, inner: Pose, world: Pose, childclass: str) -> None:
+        """Draw the geoms of a body, and declare the bodies in it.
 
         :param inner: pose of the file's frame in that of the body; ``world`` in the inertial one.
         """
         for child in element:
             if child.tag == "body":
-                self._body(child, body, inner, world, childclass)
+                self._read_body(child, body, inner, world, childclass)
             elif child.tag == "geom":
                 item = f"geom {shown(child.get('name', 'without name'))} of {body.name}"
-                self._draw(item, self._resolved(item, child, childclass), body, inner)
+                self._add_shape(item, self._resolved(item, child, childclass), body, inner)
             elif child.tag not in ("joint", "freejoint", "inertial"):
                 self.robot.ignored[f"<{child.tag}>"] += 1
 
-    def _body(self, element: Element, parent: Body, inner: Pose, world: Pose, childclass: str) -> None:
+    def _read_body(self, element: Element, parent: Body, inner: Pose, world: Pose, childclass: str) -> None:
+        """Declare the body of an element, its joints, and what it contains."""
         robot, name = self.robot, element.get("name") or f"body_{len(self.bodies)}"
         item, childclass = f"body {shown(name)}", element.get("childclass", childclass)
         if name in self.bodies:
@@ -159,29 +153,33 @@ class _Reader:
         if not joints:
             joints = [Element("fixed")]
         anchors = [Pose(origin=robot.numbers(item, joint, "pos", "0 0 0", 3)) for joint in joints]
-        if any(_kind(joint) == "free" for joint in joints):
+        if any(_joint_type(joint) == "free" for joint in joints):
             anchors = [Pose()]  # MuJoCo ignores it
             if len(joints) > 1 or parent is not ground:
                 robot.refuse(item, "a free joint is alone in a body of the world; delete the others")
-        inertia = self._inertia(item, element, childclass)
+        inertia = self._mass_properties(item, element, childclass)
         last = anchors[-1]
-        body = robot.body(name, inertia._replace(centre=inertia.centre - last.origin), "body")
+        body = robot.declare_body(name, inertia._replace(centre=inertia.centre - last.origin), "body")
         first, step = parent, inner.times(pose).times(anchors[0])
         for i, joint in enumerate(joints):
             own = joint.get("name") or f"{name}_joint{f'_{i + 1}' if i else ''}"
-            second = body if i + 1 == len(joints) else robot.body(f"{own}_body", tag="body")
-            self._joint(own, joint, (first, second), step)
+            second = body if i + 1 == len(joints) else robot.declare_body(f"{own}_body", tag="body")
+            self._read_joint(own, joint, (first, second), step)
             if second is not body:
                 robot.visuals[second.name] = []  # nothing to be drawn
-                first, step = second, anchors[i + 1].inside(anchors[i])
+                first, step = second, anchors[i + 1].relative_to(anchors[i])
         world = world.times(pose)
         self.bodies[name] = body, world.times(last), world
-        self._contents(element, body, Pose().inside(last), world, childclass)
+        self._read_contents(element, body, Pose().relative_to(last), world, childclass)
 
-    def _joint(self, name: str, element: Element, ends: tuple[Body, Body], pose: Pose) -> None:
-        robot, item, kind = self.robot, f"joint {shown(name)}", _kind(element)
+    def _read_joint(self, name: str, element: Element, ends: tuple[Body, Body], pose: Pose) -> None:
+        """Declare the joint of an element between two bodies.
+
+        :param pose: of the joint in the first body.
+        """
+        robot, item, kind = self.robot, f"joint {shown(name)}", _joint_type(element)
         if kind == "fixed":
-            robot.joint(Weld, name, ends, pose)
+            robot.declare_joint(Weld, name, ends, pose)
             return
         if kind not in _JOINTS:
             robot.refuse(item, f"type = {shown(kind)}: no joint of MJCF{suggestion(kind, _JOINTS)}")
@@ -200,23 +198,23 @@ class _Reader:
             if element.get("limited") != "false":
                 unit = self.unit if kind == "hinge" else 1.0
                 more["limits"] = unit * robot.numbers(item, element, "range", "0 0", 2)
-        robot.joint(_JOINTS[kind], name, ends, pose, **more)
+        robot.declare_joint(_JOINTS[kind], name, ends, pose, **more)
 
-    def _inertia(self, item: str, element: Element, childclass: str) -> MassProperties:
-        """MassProperties of a body, as declared, or of its geoms."""
+    def _mass_properties(self, item: str, element: Element, childclass: str) -> MassProperties:
+        """MassProperties of a body: as its <inertial> says, else the sum over its geoms."""
         inertial, robot = element.find("inertial"), self.robot
         if inertial is None:
             geoms = [self._resolved(item, geom, childclass) for geom in element.findall("geom")]
-            return _sum([part for geom in geoms for part in self._parts(item, geom)])
+            return _total_mass_properties([part for geom in geoms for part in self._geom_mass_properties(item, geom)])
         pose = self._pose(item, inertial)
         if "fullinertia" in inertial.attrib:
             moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
         else:
             moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
-        return MassProperties(robot.number(item, inertial, "mass", None), pose.origin, pose.tensor(moments))
+        return MassProperties(robot.number(item, inertial, "mass", None), pose.origin, pose.rotated_tensor(moments))
 
     def _geometry(self, item: str, geom: Element) -> tuple[str, np.ndarray, Pose]:
-        """Shape, half sizes and pose of a geom."""
+        """Kind, half sizes and pose of a geom; no sizes for a kind without a volume."""
         kind = "mesh" if "mesh" in geom.attrib else geom.get("type", "sphere")
         if kind not in _SOLIDS:
             return kind, np.zeros(3), Pose()
@@ -227,10 +225,10 @@ class _Reader:
         first, last = np.split(self.robot.numbers(item, geom, "fromto", None, 6), 2)
         radius = self.robot.numbers(item, geom, "size", None, 1, 2, 3, minimum=0)[0]
         size = np.array([*[radius] * (count - 1), np.linalg.norm(last - first) / 2])
-        return kind, size, Pose(rotation_onto(self._unit(item, last - first)), (first + last) / 2)
+        return kind, size, Pose(rotation_onto(self.robot.unit_vector(item, last - first)), (first + last) / 2)
 
-    def _parts(self, item: str, geom: Element) -> Iterator[MassProperties]:
-        """What a geom adds to the inertia of its body."""
+    def _geom_mass_properties(self, item: str, geom: Element) -> Iterator[MassProperties]:
+        """MassProperties of a geom; none for one without mass."""
         kind, size, pose = self._geometry(item, geom)
         mass = self.robot.number(item, geom, "mass", "0", minimum=0)
         density = 0.0 if "mass" in geom.attrib else self.robot.number(item, geom, "density", _DENSITY, minimum=0)
@@ -240,9 +238,10 @@ class _Reader:
             self.robot.refuse(item, f"the mass of its geom of type {shown(kind)} is not computed; give <inertial>")
         volume, squares = _SOLIDS[kind][1](*map(float, size))
         mass = mass or density * volume
-        yield MassProperties(mass, pose.origin, pose.tensor(mass * np.diag(sum(squares) - np.array(squares))))
+        yield MassProperties(mass, pose.origin, pose.rotated_tensor(mass * np.diag(sum(squares) - np.array(squares))))
 
-    def _draw(self, item: str, geom: Element, body: Body, inner: Pose) -> None:
+    def _add_shape(self, item: str, geom: Element, body: Body, inner: Pose) -> None:
+        """Add a geom to the picture of a body, or note that it is left out."""
         kind, size, pose = self._geometry(item, geom)
         if kind not in _SOLIDS:
             self.robot.ignored[f"<geom> of type {kind}"] += 1
@@ -253,10 +252,10 @@ class _Reader:
             shape, lengths = "rod", size * [1, 2]
         else:
             shape, lengths = "ball", size.mean(keepdims=True)
-        self.robot.draw(body, shape, inner.times(pose), lengths)
+        self.robot.add_shape(body, shape, inner.times(pose), lengths)
 
-    def _close(self, element: Element) -> None:
-        """Declare the joint of an equality."""
+    def _read_equality(self, element: Element) -> None:
+        """Declare the joint that an equality constraint stands for."""
         robot, name = self.robot, element.get("name") or f"{element.tag}_{len(self.robot.members)}"
         item, owner = f"{element.tag} {shown(name)}", element.get("body1", "")
         if element.get("active", "true") != "true":
@@ -274,19 +273,24 @@ class _Reader:
         pose = self.bodies[owner][2]
         if element.tag == "connect":
             pose = pose.times(Pose(origin=robot.numbers(item, element, "anchor", None, 3)))
-        far = pose.inside(inner)
+        far = pose.relative_to(inner)
         angles, position = roll_pitch_yaw(far.axes), tuple(map(float, far.origin))
-        robot.joint(
-            _CLOSING[element.tag], name, (first, second), pose.inside(outer), at_child=position, rotation_child=angles
+        robot.declare_joint(
+            _CLOSING[element.tag],
+            name,
+            (first, second),
+            pose.relative_to(outer),
+            at_child=position,
+            rotation_child=angles,
         )
 
 
-def _kind(joint: Element) -> str:
+def _joint_type(joint: Element) -> str:
     return {"freejoint": "free", "fixed": "fixed"}.get(joint.tag) or joint.get("type", "hinge")
 
 
-def _sum(parts: list[MassProperties]) -> MassProperties:
-    """MassProperties of rigid parts together, by the parallel axes theorem."""
+def _total_mass_properties(parts: list[MassProperties]) -> MassProperties:
+    """MassProperties of rigidly joined parts, by the parallel axes theorem."""
     mass = sum(part.mass for part in parts)
     if not mass:
         return MassProperties()
@@ -298,30 +302,33 @@ def _sum(parts: list[MassProperties]) -> MassProperties:
     return MassProperties(mass, centre, tensor)
 
 
-_Solid: TypeAlias = tuple[float, tuple[float, float, float]]
+_VolumeMoments: TypeAlias = tuple[float, tuple[float, float, float]]
 """Volume [m3], and means of the squares of the own coordinates [m2]."""
 
 
-def _ellipsoid(a: float, b: float, c: float) -> _Solid:
+def _ellipsoid_moments(a: float, b: float, c: float) -> _VolumeMoments:
     return 4 / 3 * pi * a * b * c, (a**2 / 5, b**2 / 5, c**2 / 5)
 
 
-def _cylinder(radius: float, half: float) -> _Solid:
+def _cylinder_moments(radius: float, half: float) -> _VolumeMoments:
     return 2 * pi * radius**2 * half, (radius**2 / 4, radius**2 / 4, half**2 / 3)
 
 
-def _capsule(radius: float, half: float) -> _Solid:
-    """A cylinder with half a ball at either end."""
-    (ball, (square, *_)), (middle, (across, _, along)) = _ellipsoid(radius, radius, radius), _cylinder(radius, half)
+def _capsule_moments(radius: float, half: float) -> _VolumeMoments:
+    """Moments of a cylinder with half a ball at either end."""
+    (ball, (square, *_)), (middle, (across, _, along)) = (
+        _ellipsoid_moments(radius, radius, radius),
+        _cylinder_moments(radius, half),
+    )
     ends, whole = square + half**2 + 0.75 * radius * half, ball + middle
     across = (ball * square + middle * across) / whole
     return whole, (across, across, (ball * ends + middle * along) / whole)
 
 
-_SOLIDS: dict[str, tuple[int, Callable[..., _Solid]]] = {  # count of half sizes
-    "sphere": (1, lambda r: _ellipsoid(r, r, r)),
-    "capsule": (2, _capsule),
-    "cylinder": (2, _cylinder),
+_SOLIDS: dict[str, tuple[int, Callable[..., _VolumeMoments]]] = {  # count of half sizes
+    "sphere": (1, lambda r: _ellipsoid_moments(r, r, r)),
+    "capsule": (2, _capsule_moments),
+    "cylinder": (2, _cylinder_moments),
     "box": (3, lambda a, b, c: (8 * a * b * c, (a**2 / 3, b**2 / 3, c**2 / 3))),
-    "ellipsoid": (3, _ellipsoid),
+    "ellipsoid": (3, _ellipsoid_moments),
 }

@@ -19,7 +19,7 @@ from liaisons.base.arguments import as_path, listed, shown
 from liaisons.base.xml_documents import tree
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.declarations import Declaration, Gravity
-from liaisons.language.joints import MOMENTS, Body, BodyFrame, BodyJoint, Weld, named
+from liaisons.language.joints import MOMENTS, Body, BodyFrame, BodyJoint, Weld
 from liaisons.language.shapes import Ball, Box, Rod, Shape
 
 _MOST_BODIES = 1000
@@ -33,16 +33,16 @@ class Pose(NamedTuple):
     origin: np.ndarray = np.zeros(3)
 
     def times(self, inner: Pose) -> Pose:
-        """Pose of a frame, from its pose in this one."""
+        """Pose of a frame in the outer one, from its pose in this frame."""
         return Pose(self.axes * inner.axes, self.origin + self.axes.apply(inner.origin))
 
-    def inside(self, outer: Pose) -> Pose:
-        """Pose in another frame, both in the same one."""
+    def relative_to(self, outer: Pose) -> Pose:
+        """Pose in another frame, whose pose is known in the same outer one."""
         inverse = outer.axes.inv()
         return Pose(inverse * self.axes, inverse.apply(self.origin - outer.origin))
 
-    def tensor(self, moments: np.ndarray) -> np.ndarray:
-        """Tensor (3, 3) along the outer axes."""
+    def rotated_tensor(self, moments: np.ndarray) -> np.ndarray:
+        """Tensor (3, 3) along the outer axes, from that along the axes of this frame."""
         return self.axes.as_matrix() @ moments @ self.axes.inv().as_matrix()
 
 
@@ -82,18 +82,21 @@ class Robot:
 
     @property
     def name(self) -> str:
-        """Identifier of the document's name, or of the file's."""
+        """Identifier made of the document's name, else of the file's."""
         name = self.document.get("name") or self.document.get("model") or ""
         return identifier(name) or identifier(self.path.stem) or "Robot"
 
     def refuse(self, item: str, why: str) -> NoReturn:
-        """Raise a ComponentError about a link or joint."""
+        """Raise a ComponentError about an item of the file."""
         raise ComponentError(f"{self.path}: {item}: {why}")
 
     def numbers(
         self, item: str, element: Element, key: str, default: str | None, *counts: int, minimum: float = -np.inf
     ) -> np.ndarray:
-        """Finite numbers of an attribute, so many; without a default it must be there."""
+        """Finite numbers of an attribute; without a default it is required.
+
+        :param counts: how many there may be.
+        """
         text = element.get(key, default)
         try:
             values = [float(word) for word in (text or "").split()]
@@ -106,18 +109,25 @@ class Robot:
         return np.array(values)
 
     def number(self, item: str, element: Element, key: str, default: str | None = "0", **domain: float) -> float:
-        """Finite number of an attribute."""
+        """Finite number of an attribute.
+
+        :param domain: as of :meth:`numbers`.
+        """
         return float(self.numbers(item, element, key, default, 1, **domain)[0])
 
     def direction(self, item: str, element: Element, key: str, default: str | None = None) -> np.ndarray:
         """Unit vector (3,) of an attribute."""
-        vector = self.numbers(item, element, key, default, 3)
-        if not vector.any():
-            self.refuse(item, f"{key} = 0 0 0 of <{element.tag}>: it must have a direction")
-        return vector / np.linalg.norm(vector)
+        return self.unit_vector(item, self.numbers(item, element, key, default, 3), f"{key} of <{element.tag}>")
 
-    def body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
-        """Declare a body."""
+    def unit_vector(self, item: str, vector: Iterable[float], label: str = "its orientation") -> np.ndarray:
+        """Unit vector in the direction of a vector, which may not be 0."""
+        column = np.array(vector)
+        if not column.any():
+            self.refuse(item, f"{label} = {column.tolist()}: it must have a direction")
+        return column / np.linalg.norm(column)
+
+    def declare_body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
+        """Declare a body, and return it."""
         word = identifier(name)
         smallest = 1e-15 * np.abs(inertia.tensor).max()
         moments = (inertia.tensor["xyz".index(i), "xyz".index(j)] for i, j in MOMENTS)
@@ -129,7 +139,7 @@ class Robot:
         self._declare(f"{tag} {shown(name)}", f"{word}_{tag}" if word in self._joints | _RESERVED else word, body)
         return body
 
-    def joint(self, kind: type[BodyJoint], name: str, ends: tuple[Body, Body], pose: Pose, **more: Any) -> None:
+    def declare_joint(self, kind: type[BodyJoint], name: str, ends: tuple[Body, Body], pose: Pose, **more: Any) -> None:
         """Declare a joint.
 
         :param pose: of its frame in that of the first body.
@@ -151,7 +161,7 @@ class Robot:
         more |= {"at": _floats(pose.origin), "rotation": roll_pitch_yaw(pose.axes), "prescribed": bool(requested)}
         self._declare(item, label, kind(*ends, **more))
 
-    def draw(self, body: Body, shape: str, pose: Pose, size: Iterable[float]) -> None:
+    def add_shape(self, body: Body, shape: str, pose: Pose, size: Iterable[float]) -> None:
         """Add a shape to the picture of a body.
 
         :param shape: a box, a rod along z, or a ball.
@@ -160,8 +170,8 @@ class Robot:
         function = partial(_shape, shape=shape, axes=pose.axes.as_matrix(), centre=pose.origin, size=_floats(size))
         self.visuals.setdefault(body.name, []).append(function)
 
-    def members_of_class(self) -> dict[str, Any]:
-        """Members of a linkage's class."""
+    def class_members(self) -> dict[str, Any]:
+        """Attributes of the class of a linkage."""
         missing = next((name for name, is_present in self.prescribe.items() if not is_present), None)
         if missing is not None:
             self.refuse(f"prescribe = {shown(missing)}", f"no joint is called so{suggestion(missing, self._joints)}")
@@ -187,11 +197,11 @@ class Robot:
             self.refuse(item, f"the name {name!r}, made of its own, is taken; rename it")
         if len(self.members) >= 2 * _MOST_BODIES:
             self.refuse(item, f"the file has more than {_MOST_BODIES} bodies")
-        self.members[name] = named(declaration, name)
+        declaration.name, self.members[name] = name, declaration
 
 
 def identifier(name: str) -> str:
-    """Identifier of a name: ``_`` for what is no ASCII letter or digit, none at its ends, ``n`` before a digit."""
+    """Identifier of a name: ``_`` replaces what is no ASCII letter or digit, ``n`` comes before a first digit."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
     return f"n{word}" if word[:1].isdigit() else word
 
@@ -204,7 +214,7 @@ def rotation_onto(direction: np.ndarray) -> Rotation:
 
 
 def roll_pitch_yaw(axes: Rotation) -> tuple[float, ...]:
-    """Angles of turns about the fixed x, y and z; accurate where pitch is a right angle, too."""
+    """Angles about the fixed x, y and z [rad]; accurate at a pitch of a right angle, too."""
     R = axes.as_matrix()
     yaw = np.arctan2(R[1, 0], R[0, 0]) if np.hypot(R[0, 0], R[1, 0]) > 1e-8 else 0.0
     s, c = np.sin(yaw), np.cos(yaw)

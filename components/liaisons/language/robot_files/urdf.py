@@ -39,16 +39,16 @@ _READ = [
 
 
 def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
-    """The robot of a URDF file; its root link is the ground.
+    """Bodies, joints and shapes of a URDF file, whose root link is the ground.
 
     :raises ComponentError: for a file that is no tree of links, or has a value that no robot has.
     """
     robot = Robot(path, "robot", prescribe, limits=limits)
-    links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
+    links, joints = _elements_by_name(robot, "link"), _elements_by_name(robot, "joint")
     for element in (robot.document, *links.values(), *joints.values()):
         robot.ignored.update(f"<{child.tag}>" for child in element if child.tag not in _READ)
     inner: dict[str, str] = {}
-    ends = {name: _ends(robot, name, element, links) for name, element in joints.items()}
+    ends = {name: _link_names(robot, name, element, links) for name, element in joints.items()}
     for name, (_, child) in ends.items():
         if child in inner:
             both = f"joints {shown(inner[child])} and {shown(name)}"
@@ -58,16 +58,18 @@ def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool =
     if len(roots) != 1:
         why = f"{shown(roots)} have no joint to a parent" if roots else "the joints make a circle"
         robot.refuse("its links", f"{why}; one is the root")
-    bodies = {name: ground if name == roots[0] else _body(robot, name, element) for name, element in links.items()}
+    bodies = {
+        name: ground if name == roots[0] else _declare_body(robot, name, element) for name, element in links.items()
+    }
     for name, element in links.items():
-        _draw(robot, f"link {shown(name)}", bodies[name], element)
+        _add_shapes(robot, f"link {shown(name)}", bodies[name], element)
     for name, element in joints.items():
         parent, child = ends[name]
-        _joint(robot, name, element, (bodies[parent], bodies[child]))
+        _declare_joint(robot, name, element, (bodies[parent], bodies[child]))
     return robot
 
 
-def _by_name(robot: Robot, tag: str) -> dict[str, Element]:
+def _elements_by_name(robot: Robot, tag: str) -> dict[str, Element]:
     elements: dict[str, Element] = {}
     for i, element in enumerate(robot.document.findall(tag), start=1):
         name = element.get("name", "")
@@ -77,11 +79,12 @@ def _by_name(robot: Robot, tag: str) -> dict[str, Element]:
     return elements
 
 
-def _ends(robot: Robot, name: str, element: Element, links: dict[str, Element]) -> list[str]:
+def _link_names(robot: Robot, name: str, element: Element, links: dict[str, Element]) -> list[str]:
+    """Names of the parent and child links of a joint."""
     item = f"joint {shown(name)}"
     if element.find("mimic") is not None:
         robot.refuse(item, "it mimics another joint, which a linkage cannot; delete <mimic>, or fix the joint")
-    ends = {tag: _child(element, tag).get("link", "") for tag in ("parent", "child")}
+    ends = {tag: _child_or_empty(element, tag).get("link", "") for tag in ("parent", "child")}
     for tag, link in ends.items():
         if link not in links:
             robot.refuse(item, f"its {tag} {shown(link)} is no link{suggestion(link, links)}")
@@ -89,24 +92,25 @@ def _ends(robot: Robot, name: str, element: Element, links: dict[str, Element]) 
 
 
 def _pose(robot: Robot, item: str, element: Element) -> Pose:
-    origin = _child(element, "origin")
+    origin = _child_or_empty(element, "origin")
     position, angles = (robot.numbers(item, origin, key, "0 0 0", 3) for key in ("xyz", "rpy"))
     return Pose(Rotation.from_euler("xyz", angles), position)
 
 
-def _body(robot: Robot, name: str, link: Element) -> Body:
+def _declare_body(robot: Robot, name: str, link: Element) -> Body:
     inertial, item = link.find("inertial"), f"link {shown(name)}"
     if inertial is None:
-        return robot.body(name)
-    pose, element = _pose(robot, item, inertial), _child(inertial, "inertia")
+        return robot.declare_body(name)
+    pose, element = _pose(robot, item, inertial), _child_or_empty(inertial, "inertia")
     moments = np.array([[robot.number(item, element, f"i{min(i, j)}{max(i, j)}") for j in "xyz"] for i in "xyz"])
-    mass = robot.number(item, _child(inertial, "mass"), "value", None)
-    return robot.body(name, MassProperties(mass, pose.origin, pose.tensor(moments)))
+    mass = robot.number(item, _child_or_empty(inertial, "mass"), "value", None)
+    return robot.declare_body(name, MassProperties(mass, pose.origin, pose.rotated_tensor(moments)))
 
 
-def _draw(robot: Robot, item: str, body: Body, link: Element) -> None:
+def _add_shapes(robot: Robot, item: str, body: Body, link: Element) -> None:
+    """Add the visuals of a link to the picture of its body."""
     for visual in link.findall("visual"):
-        for shape in _child(visual, "geometry"):
+        for shape in _child_or_empty(visual, "geometry"):
             if shape.tag not in _SHAPES:
                 robot.ignored[f"<{shape.tag}> of a picture"] += 1
                 continue
@@ -114,35 +118,36 @@ def _draw(robot: Robot, item: str, body: Body, link: Element) -> None:
             size = [x for key in keys for x in robot.numbers(item, shape, key, None, 1, 3, minimum=0)]
             if len(size) != {"box": 3, "rod": 2, "ball": 1}[_SHAPES[shape.tag]]:
                 robot.refuse(item, f"<{shape.tag}> has the attributes {shown(shape.attrib)}: lengths are missing")
-            robot.draw(body, _SHAPES[shape.tag], _pose(robot, item, visual), size)
+            robot.add_shape(body, _SHAPES[shape.tag], _pose(robot, item, visual), size)
 
 
-def _joint(robot: Robot, name: str, element: Element, ends: tuple[Body, Body]) -> None:
+def _declare_joint(robot: Robot, name: str, element: Element, ends: tuple[Body, Body]) -> None:
+    """Declare a joint; a planar one by three, with the frame turned into its plane and back."""
     item, word = f"joint {shown(name)}", element.get("type", "")
     if word not in _JOINTS:
         robot.refuse(item, f"type = {shown(word)}: no joint of URDF{suggestion(word, _JOINTS)}")
     kind, pose = _JOINTS[word], _pose(robot, item, element)
-    limit, dynamics = _child(element, "limit"), _child(element, "dynamics")
+    limit, dynamics = _child_or_empty(element, "limit"), _child_or_empty(element, "dynamics")
     axis = robot.direction(
-        item, _child(element, "axis") if word not in ("fixed", "floating") else dynamics, "xyz", "1 0 0"
+        item, _child_or_empty(element, "axis") if word not in ("fixed", "floating") else dynamics, "xyz", "1 0 0"
     )
     if kind in (Revolute, Prismatic):
         more: dict[str, Any] = {key: robot.number(item, dynamics, key, minimum=0) for key in ("damping", "friction")}
         if word != "continuous":
             more["limits"] = [robot.number(item, limit, key) for key in ("lower", "upper")]
-        robot.joint(kind, name, ends, pose, axis=tuple(axis), **more)
+        robot.declare_joint(kind, name, ends, pose, axis=tuple(axis), **more)
         return
     if dynamics.attrib:
         robot.remarks.append(f"damping and friction of {item}, which has several coordinates or none")
     if kind is Planar:
         # Ours lies in the plane of x and y: the frame is turned into the plane, and back behind the joint.
-        plane, middle = Pose(rotation_onto(axis)), robot.body(f"{name}_plane")
-        robot.joint(Planar, name, (ends[0], middle), pose.times(plane))
-        robot.joint(Weld, f"{name}_behind", (middle, ends[1]), Pose().inside(plane))
+        plane, middle = Pose(rotation_onto(axis)), robot.declare_body(f"{name}_plane")
+        robot.declare_joint(Planar, name, (ends[0], middle), pose.times(plane))
+        robot.declare_joint(Weld, f"{name}_behind", (middle, ends[1]), Pose().relative_to(plane))
     else:
-        robot.joint(kind, name, ends, pose)
+        robot.declare_joint(kind, name, ends, pose)
 
 
-def _child(element: Element, tag: str) -> Element:
+def _child_or_empty(element: Element, tag: str) -> Element:
     child = element.find(tag)
     return Element(tag) if child is None else child
