@@ -32,6 +32,8 @@ from liaisons.expressions.algebra import stack
 Purpose = Literal["run", "tangents", "adjoint"]
 
 DIRECTIONS = 8
+_OPTIONS: dict[Purpose, tuple[str, ...]] = {"run": ("-fno-tree-vectorize",), "tangents": (), "adjoint": ()}
+"""Of the compiler: a single motion waits for vectors that have been written number by number."""
 _STEPS = 2_000_000
 """Steps of one motion from which on it is refused."""
 

@@ -26,7 +26,7 @@ from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.running.linearization import Method
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import run_to_end
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned, with_start_values
 from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
 from liaisons.errors import RefusedError, SimulationError
@@ -120,7 +120,7 @@ class FmuMotion:
         settings = SimulationSettings(
             times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
         )
-        return performed(checked(title, parts, self.system.connections, settings, single=self.single))
+        return run_to_end(checked(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""
