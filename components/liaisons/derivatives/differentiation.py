@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, merged, shown
-from liaisons.base.array_names import split
+from liaisons.base.arguments import check_finite, merged_start_values, shown
+from liaisons.base.array_names import array_and_index
 from liaisons.base.logs import collected_warnings
 from liaisons.base.units import quotient
 from liaisons.cosim.structure.simulation import communication_points
@@ -146,7 +146,7 @@ def sensitivities(
         record=record,
         operators=operators,
         inputs=inputs,
-        start_values=merged("sensitivities", start_values, keywords),
+        start_values=merged_start_values("sensitivities", start_values, keywords),
         tolerance=tolerance,
     )
     with collected_warnings() as warned:
@@ -194,12 +194,12 @@ def gradient(
         record=record,
         operators=operators,
         inputs=inputs,
-        start_values=merged("gradient", start_values, keywords),
+        start_values=merged_start_values("gradient", start_values, keywords),
         tolerance=tolerance,
     )
     columns = ca.MX.sym("signals", len(motion.times), len(motion.signals))
     signals_by_name = _Signals({"time": ca.DM(motion.times)})
-    for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
+    for name in dict.fromkeys((*motion.signals, *(array_and_index(name)[0] for name in motion.signals))):
         signals_by_name[name] = columns[:, _name_indices(name, motion.signals)]
     value = cost(signals_by_name)
     try:
@@ -233,7 +233,7 @@ def _name_indices(name: str, names: tuple[str, ...]) -> int | list[int]:
     """Index of a name among names, or indices of the elements of an array."""
     if name in names:
         return names.index(name)
-    if not (indices := [i for i, element in enumerate(names) if name == split(element)[0]]):
+    if not (indices := [i for i, element in enumerate(names) if name == array_and_index(element)[0]]):
         raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
     return indices
 
@@ -248,8 +248,8 @@ def _recorded_times(
         return times
     if stop_time is None:
         raise InvalidValueError("give stop_time, or the recorded times themselves as times")
-    finite("start_time", start_time)
-    finite("stop_time", stop_time)
+    check_finite("start_time", start_time)
+    check_finite("stop_time", stop_time)
     step = (abs(stop_time - start_time) or 1.0) / _INTERVALS if step_size is None else step_size
     points = communication_points(start_time, stop_time, step)
     if len(points) > _MOST:

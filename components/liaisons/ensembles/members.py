@@ -14,7 +14,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles.steps import Floats, call_c_function, loaded_library
 from liaisons.errors import SimulationError
 from liaisons.fmu.code import core_files
@@ -120,4 +120,4 @@ def _members_library(model: Model) -> ctypes.CDLL:
 def _compiled_members(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
     """Loaded library of sources with ``members.c``, compiled once for equal models."""
     own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
-    return loaded_library(compile_library({**dict(sources), "members.c": own}, host()))
+    return loaded_library(compile_library({**dict(sources), "members.c": own}, host_target()))

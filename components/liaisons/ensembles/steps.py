@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles.kernel import step_code
 from liaisons.ensembles.methods import Tableau
 from liaisons.ensembles.right_hand_sides import RightHandSide
@@ -125,7 +125,7 @@ def loaded_library(content: bytes) -> ctypes.CDLL:
     with TemporaryDirectory(
         prefix="liaisons-", ignore_cleanup_errors=True
     ) as folder:  # Windows keeps what is loaded_library
-        path = Path(folder, f"ensemble{host().extension}")
+        path = Path(folder, f"ensemble{host_target().extension}")
         path.write_bytes(content)
         return ctypes.CDLL(str(path))
 
@@ -133,7 +133,7 @@ def loaded_library(content: bytes) -> ctypes.CDLL:
 def _library_bytes(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
     """Content of the library that C code compiles to with the first option set that the compiler takes."""
     options, *further = option_sets
-    target = host()
+    target = host_target()
     try:
         return compile_library({"ensemble.c": code}, replace(target, flags=(*target.flags, *options)))
     except BuildError:

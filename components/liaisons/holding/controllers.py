@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.base.arguments import merged, positive, shown
+from liaisons.base.arguments import check_positive, merged_start_values, shown
 from liaisons.base.logs import ignored_warnings
 from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
@@ -136,7 +136,9 @@ class Controller:
         :param start_values: start values that differ from the reference trajectory: of the mechanism, ``theta_0=3.3``,
             and of σ, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._connected_system(merged(self.name, start_values, keywords, PlanError), announces_samples=True)
+        return self._connected_system(
+            merged_start_values(self.name, start_values, keywords, PlanError), announces_samples=True
+        )
 
     def _connected_system(self, start_values: Mapping[str, float], *, announces_samples: bool = False) -> System:
         """:meth:`system`; its regulators may announce their samples, for importers that choose communication points."""
@@ -217,7 +219,7 @@ class Controller:
         :raises PlanError: unless it is a number greater than 0.
         :raises SimulationError: if they do not fit into memory.
         """
-        positive("stop_time", stop_time, PlanError)
+        check_positive("stop_time", stop_time, PlanError)
         check_memory(0.0, stop_time, self.step_size, len(self.states))
         trajectory = self.trajectory
         if trajectory.after == "repeats":
@@ -247,7 +249,7 @@ class Controller:
         :raises SimulationError: for a start value that is not allowed.
         """
         ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
-        starts = merged(self.name, start_values, keywords, PlanError)
+        starts = merged_start_values(self.name, start_values, keywords, PlanError)
         stop_time = self._default_stop if stop_time is None else stop_time
         times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
@@ -296,11 +298,11 @@ class Controller:
         """
         if port not in self.ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, self.ports)}")
-        positive("survives: duration", duration, PlanError)
+        check_positive("survives: duration", duration, PlanError)
         ends = self.trajectory.after == "ends"
         settled = self.duration if ends else max(self.duration, duration) + self._settling
         stop = settled if stop_time is None else stop_time
-        positive("survives: stop_time", stop, PlanError)
+        check_positive("survives: stop_time", stop, PlanError)
         if stop <= duration:
             raise PlanError(
                 f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.base.arguments import finite, merged, named, positive, shown
+from liaisons.base.arguments import check_finite, check_positive, merged_start_values, name_dictionary, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
 from liaisons.holding.controllers import After, Controller, ReferenceTrajectory
@@ -119,9 +119,12 @@ def hold(
     :raises PlanError: if the mechanism is not in equilibrium, or a state is not controllable, or with ``measured`` not
         observable; the state is named.
     """
-    values = merged("hold", start_values, keywords, PlanError)
-    positive("effort", effort, PlanError)
-    weights, bounds = named("weights", weights or {}, PlanError), named("bounds", bounds or {}, PlanError)
+    values = merged_start_values("hold", start_values, keywords, PlanError)
+    check_positive("effort", effort, PlanError)
+    weights, bounds = (
+        name_dictionary("weights", weights or {}, PlanError),
+        name_dictionary("bounds", bounds or {}, PlanError),
+    )
     sampled, step_size = sampled_subject("hold", motion, at, moves, step_size, values)
     arguments = sampled, step_size, _state_weights(sampled, weights), effort
     planned = isinstance(motion, Plan)
@@ -166,7 +169,7 @@ def _state_weights(sampled: SampledMechanism, weights: Mapping[str, float]) -> A
     for name, weight in weights.items():
         if name not in by_state:
             raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
-        finite(f"weight of {name}", weight, PlanError)
+        check_finite(f"weight of {name}", weight, PlanError)
         if weight < 0:
             raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
         by_state[name] = weight

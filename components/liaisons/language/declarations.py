@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Generic, Literal, NoReturn, ParamSpec, Self, T
 import casadi as ca
 
 from liaisons.base import units
-from liaisons.base.arguments import finite, whole
-from liaisons.base.array_names import suffixed
+from liaisons.base.arguments import check_finite, check_integer
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Causality, Dimension, Variability, Variable, element
 
@@ -170,7 +170,7 @@ class Symbol(Declaration[ca.SX]):
 
     def start_parameter(self) -> Variable:
         """FMU parameter ``name_0`` for the start value."""
-        return replace(self.variable("parameter", "fixed"), name=suffixed(self.name, "_0"), symbol="")
+        return replace(self.variable("parameter", "fixed"), name=suffixed_name(self.name, "_0"), symbol="")
 
 
 class Parameter(Symbol):
@@ -346,7 +346,7 @@ class Size(Declaration[int]):
 
         :raises ComponentError: unless it is a whole number >= 2.
         """
-        whole(f"{owner}: {self.name}", value, ComponentError, least=2)
+        check_integer(f"{owner}: {self.name}", value, ComponentError, least=2)
         return int(value)
 
     def value_in(self, instance: Any) -> int:
@@ -655,5 +655,5 @@ def _element_value(leading: tuple[float, ...], i: int, rest: float) -> float:
 
 
 def _finite_number(value: float, description: str) -> float:
-    finite(repr(description), value, ComponentError)
+    check_finite(repr(description), value, ComponentError)
     return float(value)

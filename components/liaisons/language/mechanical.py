@@ -11,7 +11,7 @@ from typing import Literal
 import casadi as ca
 
 from liaisons.base import units
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
@@ -137,7 +137,7 @@ class MechanicalComponent(Component, abstract=True):
         """
         start, end = _AFFIXES[kind]
         return [
-            *(start + suffixed(q.name, end) for q in self.coordinates),
+            *(start + suffixed_name(q.name, end) for q in self.coordinates),
             *(name for item in self.orientations for name in getattr(item, kind)),
         ]
 
@@ -152,7 +152,7 @@ class MechanicalComponent(Component, abstract=True):
             inputs=tuple(self._inputs(units_at)),
             outputs=(*self._motion_outputs(), *self._dynamics_outputs()),
             states=(
-                *(State(name, suffixed(name, "_dot")) for name in moving),
+                *(State(name, suffixed_name(name, "_dot")) for name in moving),
                 State("work", "power"),
                 State("dissipated", "dissipation"),
             ),
@@ -176,7 +176,7 @@ class MechanicalComponent(Component, abstract=True):
             text = f"{q.description}, at the start"
             yield replace(q.start_parameter(), description=text, start=q.leading or q.start, dimension=size)
             yield layout.start_parameter(
-                suffixed(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size
+                suffixed_name(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size
             )
         for orientation in self.orientations:
             by_rate = orientation.start == "rate"
@@ -206,11 +206,11 @@ class MechanicalComponent(Component, abstract=True):
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
             text = f"generalised force on this mechanism {along} (K eq. 14)"
-            yield zeros(suffixed(q.name, "_force"), unit, text)
+            yield zeros(suffixed_name(q.name, "_force"), unit, text)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
-            yield zeros(suffixed(q.name, "_load"), unit, load)
+            yield zeros(suffixed_name(q.name, "_load"), unit, load)
             text = f"sum of the impulses that this mechanism exerts {along} on what is attached to it"
-            yield zero_sums(suffixed(q.name, "_impulse"), units.momentum(q.unit), text)
+            yield zero_sums(suffixed_name(q.name, "_impulse"), units.momentum(q.unit), text)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
             yield zeros(f"{name}_load", units.force(of), text)
@@ -223,7 +223,7 @@ class MechanicalComponent(Component, abstract=True):
         readable = partial(layout.readable, dimension=size)
         for q in self.coordinates:
             speed, momentum = units.rate(q.unit), f"p_{q.name}"
-            rate, acceleration = (suffixed(q.name, end) for end in ("_dot", "_ddot"))
+            rate, acceleration = (suffixed_name(q.name, end) for end in ("_dot", "_ddot"))
             yield readable(q.name, q.unit, q.description, symbol=q.symbol)
             yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name)
             yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}")
@@ -291,7 +291,7 @@ class MechanicalComponent(Component, abstract=True):
         for item in self.contact_formulas:
             size = None if item.last else self.dimension
             readable, at_events = (partial(make, dimension=size) for make in (layout.readable, layout.event_output))
-            name, of = item.name, partial(suffixed, item.name)
+            name, of = item.name, partial(suffixed_name, item.name)
             yield readable(name, item.unit, item.description)
             if isinstance(item, unilateral):
                 yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")

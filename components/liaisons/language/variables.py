@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
-from liaisons.base.arguments import positive
+from liaisons.base.arguments import check_positive
 from liaisons.errors import ComponentError
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
@@ -139,7 +139,7 @@ class Experiment:
 
     def __post_init__(self) -> None:
         for name in ("stop_time", "step_size", "tolerance"):
-            positive(f"Experiment: {name}", getattr(self, name), ComponentError)
+            check_positive(f"Experiment: {name}", getattr(self, name), ComponentError)
 
 
 def element(name: str, index: int) -> str:

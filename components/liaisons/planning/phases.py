@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.mechanics.contact_forces import Compliance
@@ -121,7 +121,7 @@ class _Phase:
         values = [(i, self.forces[i]) for i, closed in self.gaps.items() if closed]
         sticking = (i for i, direction in self.frictions.items() if not direction)
         values += [(i, margin) for i in sticking for margin in self.margins(i).values()]
-        forces = (Row(suffixed(self.contacts[i].name, "_force"), value, 0.0, np.inf) for i, value in values)
+        forces = (Row(suffixed_name(self.contacts[i].name, "_force"), value, 0.0, np.inf) for i, value in values)
         return replace(rows, path=[*rows.path, *self.sign_rows(), *with_sizes(self.symbols, forces)])
 
     def sign_rows(self) -> list[Row]:
@@ -136,7 +136,7 @@ class _Phase:
         """Rows of what stays 0: gap and rate where it is closed, sliding velocity where it sticks."""
         v, gap, names = self.contact_terms["v"], self.contact_terms["gap"], [c.name for c in self.contacts]
         closed = [i for i, is_closed in self.gaps.items() if is_closed]
-        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed(names[i], "_dot"), v[i]))]
+        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed_name(names[i], "_dot"), v[i]))]
         rows += [Row(names[i], v[i]) for i, direction in self.frictions.items() if not direction]
         return with_sizes(self.symbols, rows)
 
@@ -314,12 +314,12 @@ class _Junction:
         if i in self.struck_gaps:
             yield Row(name, gap)
             if not jumps:
-                yield Row(suffixed(name, "_dot"), v)
+                yield Row(suffixed_name(name, "_dot"), v)
         if is_pushed:
-            yield Row(suffixed(name, "_dot"), terms["v"][i] + (0 if stays else terms["restitution"][i] * v))
+            yield Row(suffixed_name(name, "_dot"), terms["v"][i] + (0 if stays else terms["restitution"][i] * v))
         yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
         if self.before.gaps[i] and not stays:
-            yield Row(suffixed(name, "_force"), -self.before.forces[i], 0.0, np.inf)
+            yield Row(suffixed_name(name, "_force"), -self.before.forces[i], 0.0, np.inf)
 
     def _friction_rows(self, i: int) -> Iterator[Row]:
         """Conditions on the i-th contact, a dry friction: its impulse is bounded by sliding, as in FMUs.
@@ -344,4 +344,4 @@ class _Junction:
             yield Row(name, before.contact_terms["v"][i])
         if slips:
             stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})
-            yield Row(suffixed(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)
+            yield Row(suffixed_name(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)

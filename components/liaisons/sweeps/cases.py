@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import named, numbers, shown, whole
+from liaisons.base.arguments import check_integer, float_array, name_dictionary, shown
 from liaisons.base.arrays import Floats
 from liaisons.errors import SweepError
 
@@ -51,10 +51,10 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> dict[s
     :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
     :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
     """
-    whole("sample: count", count, SweepError)
+    check_integer("sample: count", count, SweepError)
     _refuse_too_many("sample", int(count))
-    whole("sample: seed", seed, SweepError, least=0)
-    if not named("sample: over", over, SweepError):
+    check_integer("sample: seed", seed, SweepError, least=0)
+    if not name_dictionary("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     probabilities = np.random.default_rng(int(seed)).random((int(count), len(over)))
     columns = zip(over.items(), probabilities.T, strict=True)
@@ -89,11 +89,11 @@ def _distribution_values(name: str, distribution: Distribution, probabilities: F
 
 def _checked_columns(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
     """Arrays of the values by name; a SweepError unless they are finite and not empty."""
-    if not named("cases", over, SweepError):
+    if not name_dictionary("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}
     for name, values in over.items():
-        column = np.array(numbers(name, values, SweepError), ndmin=1)
+        column = np.array(float_array(name, values, SweepError), ndmin=1)
         if column.ndim > 1 or not column.size:
             raise SweepError(f"{name} has values of shape {column.shape}; give at least one number, in one row")
         if not np.all(np.isfinite(column)):

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from liaisons.base.arguments import listed, shown
+from liaisons.base.arguments import name_list, shown
 from liaisons.cosim import Result
 from liaisons.errors import SweepError, suggestion
 
@@ -28,7 +28,7 @@ def checked_measures(keep: str | Iterable[str] | Measures) -> Measures:
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    columns = dict(keep) if isinstance(keep, Mapping) else {name: name for name in listed("keep", keep, SweepError)}
+    columns = dict(keep) if isinstance(keep, Mapping) else {name: name for name in name_list("keep", keep, SweepError)}
     if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in columns.items():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, named, positive, whole
+from liaisons.base.arguments import as_path, check_integer, check_positive, name_dictionary
 from liaisons.base.arrays import Floats
 from liaisons.base.logs import Warnings, logger
 from liaisons.base.progress import progress_bar
@@ -90,7 +90,7 @@ def sweep(
         subject,
         checked_cases(cases),
         checked_measures(keep),
-        named("start_values", {} if start_values is None else start_values, SweepError),
+        name_dictionary("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
             start_time=start_time,
             stop_time=stop_time,
@@ -134,9 +134,9 @@ def _check_settings(
     if workers is not None and client is not None:
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
     if workers is not None:
-        whole("workers", workers, SweepError)
+        check_integer("workers", workers, SweepError)
     if time_limit is not None:
-        positive("time_limit", time_limit, SweepError)
+        check_positive("time_limit", time_limit, SweepError)
     if retry and journal is None:
         raise SweepError(
             "retry needs the journal of the sweep, where its failures are; give its file by journal or --journal"
