@@ -28,7 +28,7 @@ from _measure import Row, command, interleaved
 from native_code import BY_HAND
 
 from liaisons import models
-from liaisons.base.compiler import FLAGS, compile_library, host
+from liaisons.base.compiler import FLAGS, compile_library, host_target
 from liaisons.fmu.code import model_code, source_files
 from liaisons.fmu.loops import PREAMBLE, loops_code
 from liaisons.mechanics import assemble
@@ -152,7 +152,7 @@ def _built(name: str, n: int, cache: str) -> Built:
     generated = time.process_time()
     memory = _peak() - before
     start_of_compiler = _compilers()
-    compile_library({file: text for file, text in code.items() if file.endswith((".c", ".h"))}, host())
+    compile_library({file: text for file, text in code.items() if file.endswith((".c", ".h"))}, host_target())
     compiled = _compilers() - start_of_compiler
 
     start_alone = time.process_time()
@@ -160,7 +160,7 @@ def _built(name: str, n: int, cache: str) -> Built:
     text = "\n".join(["#include <math.h>", "#include <stddef.h>", PREAMBLE, loops_code(program).text])
     text = text.replace("static VECTORISED int", "VECTORISED int")
     start_of_compiler = _compilers()
-    compile_library({"rates.c": text.encode()}, host())
+    compile_library({"rates.c": text.encode()}, host_target())
     alone = derived - start + time.process_time() - start_alone + _compilers() - start_of_compiler
     return Built(n, derived - start, generated - derived, compiled, memory, alone, len(text))
 

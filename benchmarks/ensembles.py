@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from _measure import Row, command, interleaved
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles import ensemble
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_models, right_hand_side
@@ -139,8 +139,8 @@ def _scalar(found: RightHandSide, values: Mapping[str, float], steps: int, folde
             }}
     }}
     """
-    path = folder / f"scalar{host().extension}"
-    path.write_bytes(compile_library({"step.c": (generator.dump() + loop).encode()}, host()))
+    path = folder / f"scalar{host_target().extension}"
+    path.write_bytes(compile_library({"step.c": (generator.dump() + loop).encode()}, host_target()))
     integrate = ctypes.CDLL(str(path)).integrate
     pointer, long = ctypes.POINTER(ctypes.c_double), ctypes.c_long
     integrate.argtypes = [long, long, pointer, pointer]

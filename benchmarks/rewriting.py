@@ -23,7 +23,7 @@ import step_cost
 from _measure import Row, command, interleaved
 from numpy.typing import NDArray
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.expressions import OPERATIONS, Program, c_statements, program
 from liaisons.expressions.sum_factoring import Expansions
 from liaisons.expressions.value_numbering import Builder
@@ -94,8 +94,8 @@ __attribute__((visibility("default"))) void run({arguments}, double *restrict ou
     for (int k = 0; k < {REPEATS}; ++k) for (int i = 0; i < {LANES}; ++i) {{ {" ".join(body)} }}
 }}
 """
-    with tempfile.NamedTemporaryFile(dir=folder, suffix=host().extension, delete=False) as file:
-        file.write(compile_library({"run.c": code.encode()}, host()))
+    with tempfile.NamedTemporaryFile(dir=folder, suffix=host_target().extension, delete=False) as file:
+        file.write(compile_library({"run.c": code.encode()}, host_target()))
     run = ctypes.CDLL(file.name).run
     pointers = [np.ctypeslib.as_ctypes(array.ravel()) for array in (*values, np.empty((rates.numel(), LANES)))]
 

@@ -25,7 +25,7 @@ from sphinx.errors import ExtensionError
 from sphinx.util.display import status_iterator
 
 from liaisons import Result, show
-from liaisons.base.project import load_module, scenario_files, scenario_order
+from liaisons.base.project import load_module, read_gallery, scenario_files
 from liaisons.cosim import system
 from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
@@ -33,8 +33,8 @@ from liaisons.library import catalogue
 from liaisons.pictures import motion_page
 from liaisons.scenarios import execute, load
 
-TITLES: dict[str, str] = scenario_order()["titles"]
-THEMES = {theme["title"]: theme["scenarios"] for theme in scenario_order()["themes"].values()}
+TITLES: dict[str, str] = read_gallery()["titles"]
+THEMES = {theme["title"]: theme["scenarios"] for theme in read_gallery()["themes"].values()}
 THUMBNAIL = 420, 300
 """Largest width and height [px]."""
 

@@ -18,7 +18,7 @@ from sphinx import addnodes
 
 import liaisons
 from liaisons import analysis, language, mechanics, models
-from liaisons.base.project import load_module, scenario_files, scenario_order
+from liaisons.base.project import load_module, read_gallery, scenario_files
 from liaisons.companion import TITLES, Entry, entries, sections
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
@@ -298,7 +298,7 @@ def _check(check: str, shown: Collection[str]) -> str:
 @cache
 def _titles() -> dict[str, str]:
     """Titles of scenarios that their names do not give."""
-    return scenario_order()["titles"]
+    return read_gallery()["titles"]
 
 
 def _ranks() -> str:

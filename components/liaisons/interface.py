@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cosim, live, ssp, sweeps
 from liaisons.base import cache
-from liaisons.base.arguments import as_path, merged
+from liaisons.base.arguments import as_path, merged_start_values
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
@@ -109,7 +109,10 @@ def show(
         subjects.append(last)
     targets = [target if isinstance(target, cosim.System) else fmu_file(target) for target in subjects]
     target = targets[0] if len(targets) == 1 else _unconnected_system(targets)
-    page, starts = None if path is None else as_path("show: path", path), merged("show", start_values, keywords)
+    page, starts = (
+        None if path is None else as_path("show: path", path),
+        merged_start_values("show", start_values, keywords),
+    )
     if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
         return live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
@@ -163,7 +166,7 @@ def operator(
     :raises SimulationError: for a name that is given twice.
     """
     path = fmu_file(fmu)
-    return cosim.OperatorFmu(path, merged(path.stem, start_values, keywords))
+    return cosim.OperatorFmu(path, merged_start_values(path.stem, start_values, keywords))
 
 
 def tabulated(
@@ -201,7 +204,7 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
     if not copy.exists():
         copy.parent.mkdir()
         copy.write_bytes(ssp.fmu_with_table(fmu, table))
-        cache.remember(cache.digest(copy))
+        cache.add_trusted_fmu(cache.digest(copy))
     return copy
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import named
+from liaisons.base.arguments import name_dictionary
 from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import ProjectError, SimulationError
 from liaisons.library import Target
@@ -65,7 +65,7 @@ def motion(
     def signals_by_name(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
         if jnp.result_type(float) != np.float64:
             raise SimulationError("a motion needs 64 bits; call jax.config.update('jax_enable_x64', True) before")
-        names = tuple(sorted(named("values", values)))  # as JAX orders a dictionary
+        names = tuple(sorted(name_dictionary("values", values)))  # as JAX orders a dictionary
         run, signals = prepare(names)
         numbers = jnp.concatenate([jnp.empty(0), *(jnp.ravel(jnp.asarray(values[name], float)) for name in names)])
         if len(numbers) != len(run.names):

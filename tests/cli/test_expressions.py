@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons.base.knots import curve, knots
+from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.cli._expressions import FormulaError, expression, pulses
 from liaisons.cli._inputs import read_table
 from liaisons.errors import SimulationError
@@ -134,7 +134,7 @@ TIMES = np.sort(np.random.default_rng(12).uniform(0, 2, 30))
 def test_a_table_of_a_quintic_gives_the_quintic(rates: bool, accelerations: bool) -> None:
     x = np.polynomial.Polynomial([1.0, -2.0, 0.5, 3.0, -1.0, 0.25])
     given = x.deriv()(TIMES) if rates else None, x.deriv(2)(TIMES) if accelerations else None
-    motion = curve(knots(TIMES, x(TIMES), *given))
+    motion = piecewise_polynomial(knots(TIMES, x(TIMES), *given))
     t = np.linspace(TIMES[0], TIMES[-1], 101)
     for order in range(3):
         # second derivatives of splines lose two steps' worth of digits, 1e-16/0.01²
@@ -144,7 +144,7 @@ def test_a_table_of_a_quintic_gives_the_quintic(rates: bool, accelerations: bool
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 def test_short_tables(n: int) -> None:
     times = np.linspace(0.0, 1.0, n)
-    motion = curve(knots(times, 2 * times))
+    motion = piecewise_polynomial(knots(times, 2 * times))
     assert [motion(0.4, order) for order in range(3)] == pytest.approx((0.8, 2.0, 0.0), abs=1e-12)
 
 
@@ -152,7 +152,7 @@ def test_a_jump_is_no_slope() -> None:
     """Two parabolas, of which a spline through all points would know nothing."""
     times = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0])
     values = np.where(np.arange(6) < 3, times**2, 3 - times**2)
-    motion = curve(knots(times, values))
+    motion = piecewise_polynomial(knots(times, values))
     assert motion([0.75, 1.0, 1.25]) == pytest.approx([0.75**2, 2.0, 3 - 1.25**2], abs=1e-12)
     assert motion([0.75, 1.25], 1) == pytest.approx([1.5, -2.5], abs=1e-12)
 
@@ -183,7 +183,7 @@ def test_given_rates_are_kept_and_derivatives_belong_to_the_values() -> None:
     """Noisy values with good rates: the rates are those of the table, and what comes out is one motion."""
     times = np.linspace(0.0, 1.0, 10)
     noise = np.array([1e-3, -1e-3] * 5)
-    motion = curve(knots(times, np.sin(times) + noise, np.cos(times), -np.sin(times)))
+    motion = piecewise_polynomial(knots(times, np.sin(times) + noise, np.cos(times), -np.sin(times)))
     np.testing.assert_allclose(motion(times, 1), np.cos(times), atol=1e-9)
     np.testing.assert_allclose(motion(times, 2), -np.sin(times), atol=1e-9)
     h, t = 1e-6, np.array([0.123, 0.456, 0.789])

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from liaisons import System, equations, modelica, operator, simulate
-from liaisons.base.published import published
+from liaisons.base.published import published_components
 from liaisons.base.version import __version__
 from liaisons.errors import ProjectError
 from liaisons.fmu.origin import provenance
@@ -58,10 +58,10 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
             (folder / f"{package}.py").write_text(content)
         monkeypatch.delitem(sys.modules, package, raising=False)  # of another test
         invalidate_caches()
-        published.cache_clear()
+        published_components.cache_clear()
 
     yield write
-    published.cache_clear()
+    published_components.cache_clear()
     for name in set(sys.modules) - before:
         if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(folder)):
             del sys.modules[name]

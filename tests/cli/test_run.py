@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.base.project import scenario_order
+from liaisons.base.project import read_gallery
 from liaisons.scenarios import names
 
 from .conftest import COMMAND, Cli, Runs, begun, is_misuse
 
 # Of each theme; building the site runs all, and fails where a claim does.
-FIRST = {theme["scenarios"][0] for theme in scenario_order()["themes"].values()}
+FIRST = {theme["scenarios"][0] for theme in read_gallery()["themes"].values()}
 
 SCENARIO = '''\
 """Twice two is four.

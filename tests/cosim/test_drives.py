@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly, PchipInterpolator
 
 from liaisons import Signal
-from liaisons.base.knots import curve, knots
+from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.running.breaks import Deviations
 from liaisons.cosim.structure.sources import Drive
@@ -86,7 +86,7 @@ STEP = [0.0, 1.0, 2.0, 3.0, 4.5, 5.0], [3.0, 3.0, 3.0, 2.0, 2.0, 2.5]
 
 def test_a_table_is_joined_as_it_says() -> None:
     t = np.linspace(0, 5, 997)
-    quintic, pchip, linear = (curve(knots(*STEP, join=join)) for join in ("quintic", "pchip", "linear"))
+    quintic, pchip, linear = (piecewise_polynomial(knots(*STEP, join=join)) for join in ("quintic", "pchip", "linear"))
     np.testing.assert_allclose(pchip(t), PchipInterpolator(*STEP)(t), atol=1e-14)  # rounding of numbers of size 3
     np.testing.assert_allclose(pchip(t, 1), PchipInterpolator(*STEP)(t, 1), atol=1e-13)
     np.testing.assert_allclose(linear(t), np.interp(t, *STEP), atol=1e-14)
@@ -96,7 +96,7 @@ def test_a_table_is_joined_as_it_says() -> None:
     straight = knots([0, 1, 2], [0.0, 1.0, 2.0], join="linear")
     assert straight.shape == (4, 3)  # no kink, no communication point
     assert knots([0, 1, 1, 2], [0.0, 1.0, 5.0, 5.0], join="pchip").shape == (4, 4)  # a jump is one
-    assert curve(knots([0, 1, 1], [0.0, 1.0, 5.0], join="linear"))(0.5) == 0.5
+    assert piecewise_polynomial(knots([0, 1, 1], [0.0, 1.0, 5.0], join="linear"))(0.5) == 0.5
 
 
 def test_what_cannot_be_joined_is_refused() -> None:

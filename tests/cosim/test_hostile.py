@@ -336,7 +336,7 @@ def test_cache_that_cannot_be_used(fmu: FmuPaths, trials: list[object], temporar
 def test_cache_does_not_grow_without_bounds(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> None:
     monkeypatch.setattr(cache, "_MOST", 20)
     for k in range(50):
-        cache.remember(f"{k:064x}")
+        cache.add_trusted_fmu(f"{k:064x}")
     file = temporary.parent / "cache" / "liaisons" / "fmus-that-run"
     assert file.read_text().splitlines() == [f"{k:064x}" for k in range(30, 50)]
     assert [path.name for path in file.parent.iterdir()] == [file.name]

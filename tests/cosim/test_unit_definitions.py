@@ -13,7 +13,7 @@ from liaisons.ssp.connectors import add_units
 from liaisons.ssp.xml import units
 
 KELVIN, CELSIUS, FAHRENHEIT = (
-    UnitDefinition.of(name, {"K": "1", **attributes})
+    UnitDefinition.from_attributes(name, {"K": "1", **attributes})
     for name, attributes in (
         ("K", {}),
         ("degC", {"offset": "273.15"}),
@@ -34,11 +34,11 @@ KELVIN, CELSIUS, FAHRENHEIT = (
 def test_both_units_may_have_an_offset(
     unit: UnitDefinition, other: UnitDefinition, value: float, expected: float
 ) -> None:
-    assert unit.to(other).of(value) == pytest.approx(expected, abs=1e-10)
+    assert unit.conversion_to(other).apply(value) == pytest.approx(expected, abs=1e-10)
 
 
 def test_an_archive_says_what_units_are() -> None:
-    double = UnitDefinition.of("double", {"K": "1", "factor": "2.0", "offset": "1.0"})
+    double = UnitDefinition.from_attributes("double", {"K": "1", "factor": "2.0", "offset": "1.0"})
     root, known = Element("root"), {"K": KELVIN, "degC": CELSIUS, "degF": FAHRENHEIT, "double": double}
     add_units(root, "ssd:Units", known)
     assert units(root, "ssd:Units") == known

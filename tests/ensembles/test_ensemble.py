@@ -360,7 +360,7 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
     found = right_hand_side(flat_model(component), {}, lanes=["gravity"], shared=[], record=["energy"])
     strict = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, *strict))
-    assert compiler.compile_library({"ensemble.c": source(found, METHODS["rk4"]).encode()}, compiler.host())
+    assert compiler.compile_library({"ensemble.c": source(found, METHODS["rk4"]).encode()}, compiler.host_target())
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from liaisons import expressions
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.errors import ComponentError
 from liaisons.expressions import OPERATIONS, c_parts, c_statements, program
 from liaisons.mechanics import assemble
@@ -89,8 +89,8 @@ def by_c(x: ca.SX, expressions: ca.SX, points: np.ndarray) -> np.ndarray:
     found = np.empty((expressions.numel(), POINTS))
     double = ctypes.POINTER(ctypes.c_double)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        path = Path(folder, f"f{host().extension}")
-        path.write_bytes(compile_library({"f.c": code.encode()}, host()))
+        path = Path(folder, f"f{host_target().extension}")
+        path.write_bytes(compile_library({"f.c": code.encode()}, host_target()))
         ctypes.CDLL(str(path)).f(np.ascontiguousarray(points).ctypes.data_as(double), found.ctypes.data_as(double))
     return found
 

@@ -129,10 +129,10 @@ def test_object_files_are_stored_for_other_processes_until_all_are_too_large(tmp
     def compilers(source: dict[str, bytes]) -> int:
         commands.clear()
         monkeypatch.setattr(compiler.cache, "_objects", {})  # as in another process
-        assert compiler.compile_library(source, compiler.host())[:4] == library[:4]
+        assert compiler.compile_library(source, compiler.host_target())[:4] == library[:4]
         return len(commands)
 
-    library = compiler.compile_library(source, compiler.host())
+    library = compiler.compile_library(source, compiler.host_target())
     (stored,) = (tmp_path / "objects").iterdir()
     assert compilers(source) == 1  # only the linker
     monkeypatch.setenv("CPATH", str(tmp_path))
@@ -221,7 +221,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_message(tmp_path) -> None:
 
 def test_first_words_of_the_compiler() -> None:
     with pytest.raises(BuildError, match=r"failed: bad\.c:1:\d+: error: .* \| ") as caught:
-        compiler.compile_library({"bad.c": b"int f(void) { return nonsense; }\nint g( {}\n"}, compiler.host())
+        compiler.compile_library({"bad.c": b"int f(void) { return nonsense; }\nint g( {}\n"}, compiler.host_target())
     assert "\n" not in str(caught.value)
 
 
@@ -233,7 +233,7 @@ def test_time_out_ends_the_whole_process_group(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(compiler, "system_compiler", lambda: [str(script)])
     monkeypatch.setattr(compiler, "TIME_OUT", 1.0)
     with pytest.raises(BuildError, match="did not end within 1 s"):
-        compiler.compile_library({"a.c": b""}, compiler.host())
+        compiler.compile_library({"a.c": b""}, compiler.host_target())
     process = int((tmp_path / "id").read_text())
     for _ in range(100):  # until its parent, whoever that is now, has noticed
         state = Path(f"/proc/{process}/stat")

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.fmu.documentation import index_page
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory
@@ -33,7 +33,7 @@ def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> N
     solved = derive(component)
     m, printed = solved.mechanism, of_mechanism(solved)
     turns = [f"{name}_dot" for turn in m.orientations for name in turn.momenta]
-    rates = [*(suffixed(f"p_{q.name}", "_dot") for q in m.coordinates), *turns]
+    rates = [*(suffixed_name(f"p_{q.name}", "_dot") for q in m.coordinates), *turns]
     known = dict(zip(rates, ca.vertsplit(solved.momentum_rates), strict=True))
     known |= {f"{s.name}_force": solved.operator_forces[i] for i, s in enumerate(m.actives)}
     known |= {f"p_{q.name}": solved.momenta[i] for i, q in enumerate(m.coordinates)}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from liaisons.base.compiler import FLAGS, system_compiler
 from liaisons.fmu.code import model_code
-from liaisons.fmu.dependencies import coupled_count, initial_dependencies, running_dependencies, states_that_jump
+from liaisons.fmu.dependencies import coupled_state_count, initial_dependencies, running_dependencies, states_that_jump
 from liaisons.fmu.loops import PREAMBLE, Code, loop_functions
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Parameter, point
 from liaisons.mechanics import Model, assemble
@@ -141,7 +141,7 @@ CHAINS += [(PendulumChain, 12), (Arm, 3)]
 @pytest.mark.parametrize(("component", "n"), CHAINS)
 def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path) -> None:
     model = assemble(component, n)
-    codes = loop_functions(model.programs, coupled_count(model), adjoint=True)
+    codes = loop_functions(model.programs, coupled_state_count(model), adjoint=True)
     # The long ones take gcc seconds when it optimises; that these are right when optimised is shown by their FMUs.
     library = compiled(codes, tmp_path, *(() if component in (OscillatorChain, DrivenChain) else ("-O0",)))
     expected = references(model)
@@ -151,7 +151,7 @@ def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path)
         arguments = [rng.uniform(0.4, 1.3, function.numel_in(i)) for i in range(function.n_in())]
         values = [np.asarray(x).ravel() for x in function.call([ca.DM(x) for x in arguments])]
         if name == "motion":
-            values = [values[0][: coupled_count(model)]]
+            values = [values[0][: coupled_state_count(model)]]
         sizes = [value.size for value in values]
         found = called(getattr(library, f"call_{name}"), arguments, sizes, codes[name].reals)
         for numbers, value in zip(found, values, strict=True):
@@ -162,7 +162,7 @@ def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path)
 def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
     """Their mass matrix is diagonal: one loop over independent links, which compilers vectorise."""
     model = assemble(OscillatorChain, 1000)
-    codes = loop_functions(model.programs, coupled_count(model), adjoint=True)
+    codes = loop_functions(model.programs, coupled_state_count(model), adjoint=True)
     assert all(code.reals == 0 for code in codes.values())
     assert codes["derivatives"].text.count("i < ") == 1
     assert len(PREAMBLE) + len(codes["derivatives"].text) < 20_000
@@ -170,7 +170,7 @@ def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
 
 def test_sines_are_calculated_once_a_link() -> None:
     model = assemble(PendulumChain, 50)
-    text = loop_functions(model.programs, coupled_count(model), adjoint=False)["derivatives"].text
+    text = loop_functions(model.programs, coupled_state_count(model), adjoint=False)["derivatives"].text
     assert text.count(" sin(") == text.count(" cos(") == 1
     assert text.count("for (") == 3  # inward, outward, inward
 
@@ -206,4 +206,4 @@ def test_dependencies_are_those_of_the_functions(component: type[Chain]) -> None
     np.testing.assert_array_equal(initial_dependencies(model), initial_dependencies(plain))
     moved = {"work"} if model.active else set()  # what an operator moves may jump
     assert states_that_jump(model) == states_that_jump(plain) == moved
-    assert coupled_count(model) == coupled_count(plain) == 6
+    assert coupled_state_count(model) == coupled_state_count(plain) == 6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from liaisons import System, identify, simulate
-from liaisons.base.units import in_si
+from liaisons.base.units import size_in_si
 from liaisons.errors import IdentificationError
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
 from liaisons.identification.problems import smoothed_values
@@ -66,13 +66,13 @@ def test_a_comma_is_a_decimal_point_where_cells_are_separated_otherwise(reads) -
     ],
 )
 def test_measured_units_are_converted(name, unit, size) -> None:
-    assert in_si(name, unit) == pytest.approx(size, rel=1e-15)
+    assert size_in_si(name, unit) == pytest.approx(size, rel=1e-15)
 
 
 @pytest.mark.parametrize(("name", "unit"), [("px", "m"), ("Hz", "rad/s"), ("m", "s"), ("inch", "m"), ("m/s/s", "m/s2")])
 def test_a_unit_of_another_quantity_is_refused(name, unit) -> None:
     with pytest.raises(ValueError, match="unit"):
-        in_si(name, unit)
+        size_in_si(name, unit)
 
 
 def test_what_a_simulation_has_written_is_read_as_it_was(tmp_path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from on_paper import random_states
 
-from liaisons.fmu.jumps import jump_table
+from liaisons.fmu.jumps import jump_flags
 from liaisons.mechanics import assemble
 from liaisons.models import CartesianPendulum, CircularHoop, Pendulum, PlanarCat, Satellite, SpatialCat, Swing
 
@@ -22,7 +22,7 @@ def test_jumps_have_a_limit_where_the_effective_mass_is_the_same_everywhere(comp
         for q in component.coordinates:  # off the unit quaternions Θ means nothing
             here, there = n("effective_mass"), (n | {q.name: n[q.name] + 0.1})("effective_mass")
             varies |= np.abs(np.atleast_2d(there - here)) > 1e-9
-    table = jump_table(assemble(component))
+    table = jump_flags(assemble(component))
     if not table:
         assert np.diag(varies).all()
         return
@@ -30,11 +30,11 @@ def test_jumps_have_a_limit_where_the_effective_mass_is_the_same_everywhere(comp
 
 
 def test_only_jumps_that_have_a_limit_are_in_the_code() -> None:
-    assert jump_table(assemble(Pendulum)) == [
+    assert jump_flags(assemble(Pendulum)) == [
         [0, MIXES, MIXES],
         [MIXES, JUMPS | MIXES, MIXES],
         [MIXES, MIXES, JUMPS | MIXES],
     ]
-    assert jump_table(assemble(Swing)) == [[JUMPS, 0], [0, JUMPS]]
-    assert jump_table(assemble(CartesianPendulum)) == []  # kept by a constraint: it is projected
-    assert jump_table(assemble(CircularHoop)) == []  # off its centre a ring is flung out
+    assert jump_flags(assemble(Swing)) == [[JUMPS, 0], [0, JUMPS]]
+    assert jump_flags(assemble(CartesianPendulum)) == []  # kept by a constraint: it is projected
+    assert jump_flags(assemble(CircularHoop)) == []  # off its centre a ring is flung out

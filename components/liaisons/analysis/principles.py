@@ -22,7 +22,7 @@ from liaisons.analysis.quantity import (
     require_free_coordinates,
     require_smooth,
 )
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations
@@ -131,7 +131,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
         z = z + step.reshape(z.shape, order="F")
         if np.max(np.abs(step)) <= 1e-11 * (1 + np.max(np.abs(z))):
             columns = {
-                suffixed(name, end): z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))
+                suffixed_name(name, end): z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))
             }
             return StationaryPath(columns, S, int(np.count_nonzero(curvatures < 0)))
     raise ComponentError(f"{equations.name}: no path of stationary action found; start nearer to one")
@@ -183,7 +183,7 @@ def _moving_coordinates(
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
     movable = among or [*free, *active]
-    rates = {name: suffixed(name, "_dot") for name in movable}
+    rates = {name: suffixed_name(name, "_dot") for name in movable}
     for name in path:
         if name not in (*rates, *rates.values()):
             raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, movable)}")
@@ -195,7 +195,7 @@ def _sampled_path(
 ) -> tuple[NDArray, NDArray]:
     """Times of a path, and values and rates of its coordinates, (coordinate, 2, n)."""
     t = np.asarray(time, dtype=float)
-    needed = [suffixed(name, end) for name in names for end in ("", "_dot")]
+    needed = [suffixed_name(name, end) for name in names for end in ("", "_dot")]
     for name in needed:
         if name not in path:
             raise ComponentError(f"{equations.name}: the path lacks {name}; give coordinates and rates")
@@ -217,7 +217,7 @@ def _interval_action(equations: Equations, names: list[str], values: Mapping[str
     """The action of an interval, its gradient and Hessian, and the norm ∫ δqᵀ A δq dt, as a function of both ends."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
-    symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))
+    symbols = ca.vertcat(*(equations.symbols[suffixed_name(name, end)] for end in ("", "_dot") for name in names))
     L = with_values(equations, equations.lagrangian, values, symbols)
     A = with_values(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)

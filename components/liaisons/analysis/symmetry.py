@@ -22,7 +22,7 @@ from liaisons.analysis.quantity import (
     require_coordinates,
     require_smooth,
 )
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import scalar
@@ -264,7 +264,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
 def _require_homogeneous_energy(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
     """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
-    lengths_and_rates = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
+    lengths_and_rates = stack(m.symbols[suffixed_name(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, lengths_and_rates, lengths_and_rates) - 2 * T if names else T
     if largest_relative_value(equations, excess, T, values) != 0:
         lengths = ", ".join(names) or "(none)"

@@ -107,7 +107,7 @@ class Archive:
         with self._translated_errors(*_DAMAGE), self._zip.open(self._members[name]) as file:
             yield file
 
-    def size_of(self, name: str) -> int:
+    def unpacked_size(self, name: str) -> int:
         """Unpacked size of a file in bytes."""
         return self._members[name].file_size
 

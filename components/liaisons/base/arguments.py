@@ -40,7 +40,7 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
-def listed(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
+def name_list(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
     """Names as a list, checked; one name is a list of one."""
     if isinstance(names, str):
         return [names]
@@ -50,18 +50,18 @@ def listed(label: str, names: object, error: Error = InvalidValueError) -> list[
     return [str(name) for name in items]
 
 
-def named(label: str, dictionary: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
+def name_dictionary(label: str, dictionary: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
     """Dictionary whose keys are checked to be names."""
     if not isinstance(dictionary, Mapping) or not all(isinstance(name, str) for name in dictionary):
         raise error(f"{label} = {shown(dictionary)}: give a dictionary with names as keys")
     return dictionary
 
 
-def merged(
+def merged_start_values(
     label: str, start_values: object, keywords: Mapping[str, T], error: Error = InvalidValueError
 ) -> dict[str, T]:
     """Start values from a dictionary, or None, and from keywords; a name in both is an error."""
-    values = dict(named(f"{label}: start_values", {} if start_values is None else start_values, error))
+    values = dict(name_dictionary(f"{label}: start_values", {} if start_values is None else start_values, error))
     for name in keywords:
         if name in values:
             raise error(f"{label}: {name} is given in start_values and as a keyword; leave one out")
@@ -104,7 +104,7 @@ def with_arguments(make: Callable[P, S]) -> Callable[[Callable[[S], R]], Callabl
 
 
 @contextmanager
-def settings_beside(variables: Collection[str]) -> Iterator[None]:
+def start_value_hints(variables: Collection[str]) -> Iterator[None]:
     """Let errors about a setting tell where the value of a variable of the same name is given."""
     try:
         yield
@@ -122,26 +122,26 @@ def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:
     return Path(path)
 
 
-def finite(label: str, value: object, error: Error = InvalidValueError) -> None:
+def check_finite(label: str, value: object, error: Error = InvalidValueError) -> None:
     """Raise an error unless the value is a finite number."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise error(f"{label} = {shown(value)}: must be a finite number")
 
 
-def positive(label: str, value: object, error: Error = InvalidValueError) -> None:
+def check_positive(label: str, value: object, error: Error = InvalidValueError) -> None:
     """Raise an error unless the value is a finite number > 0."""
-    finite(label, value, error)
+    check_finite(label, value, error)
     if value <= 0:  # type: ignore[operator]  # a number
         raise error(f"{label} = {shown(value)}: must be > 0")
 
 
-def time_span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
+def checked_stop_and_step(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
     """Stop time and step size, checked."""
     if stop_time is None or step_size is None:
         raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
-    finite("start_time", start_time)
-    finite("stop_time", stop_time)
-    positive("step_size", step_size)
+    check_finite("start_time", start_time)
+    check_finite("stop_time", stop_time)
+    check_positive("step_size", step_size)
     if stop_time <= start_time:
         raise InvalidValueError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if stop_time - step_size == stop_time or start_time + step_size == start_time:
@@ -149,7 +149,7 @@ def time_span(start_time: float, stop_time: float | None, step_size: float | Non
     return stop_time, step_size
 
 
-def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
+def float_array(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
     """Numbers as an array, checked."""
     import numpy as np  # slow to load: the command line's help does without
 
@@ -161,13 +161,13 @@ def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDA
     raise error(f"{label} = {shown(values)}: give numbers")
 
 
-def whole(label: str, value: object, error: Error = InvalidValueError, *, least: int = 1) -> None:
+def check_integer(label: str, value: object, error: Error = InvalidValueError, *, least: int = 1) -> None:
     """Raise an error unless the value is a whole number, ``least`` or more."""
     if not isinstance(value, Integral) or value < least:
         raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
 
 
-def chosen(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:
+def check_choice(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:
     """Raise an error unless the value is one of the choices."""
     if not isinstance(value, str) or value not in choices:
         raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, choices))}")

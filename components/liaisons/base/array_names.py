@@ -16,14 +16,14 @@ _INDEX = "(?:0|[1-9][0-9]{0,18})"
 _ELEMENT = re.compile(rf"(.+)\[({_INDEX}(?:,{_INDEX})*)\]", re.DOTALL)
 
 
-def indices(shape: Shape) -> Iterator[str]:
+def element_indices(shape: Shape) -> Iterator[str]:
     """Indices of the elements of an array, ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, the last one running fastest."""
     if len(shape) == 1:
         return map(str, range(1, shape[0] + 1))
     return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
 
 
-def split(name: str) -> tuple[str, Shape | None]:
+def array_and_index(name: str) -> tuple[str, Shape | None]:
     """Name of the array and index of an element, ``("theta", (3,))`` for ``"theta[3]"``; other names and None."""
     if not name.endswith("]"):  # most of them, at a tenth of the cost
         return name, None
@@ -31,13 +31,13 @@ def split(name: str) -> tuple[str, Shape | None]:
     return (match[1], tuple(map(int, match[2].split(",")))) if match else (name, None)
 
 
-def suffixed(name: str, ending: str) -> str:
+def suffixed_name(name: str, ending: str) -> str:
     """Name with an ending before the index of the element: ``x_dot[2]`` for ``x[2]``."""
     array, bracket, index = name.partition("[")
     return f"{array}{ending}{bracket}{index}"
 
 
-def offset(index: Shape, shape: Shape) -> int | None:
+def element_offset(index: Shape, shape: Shape) -> int | None:
     """Number of an element from 0, the last index running fastest; None if there is no such element."""
     if len(index) != len(shape):
         return None
@@ -49,9 +49,9 @@ def offset(index: Shape, shape: Shape) -> int | None:
     return number
 
 
-def complete(indices: Sequence[Shape]) -> Shape | None:
+def complete_shape(indices: Sequence[Shape]) -> Shape | None:
     """Shape of the array with these indices; None unless they are all indices of one, in order."""
     shape = indices[-1]
     if math.prod(shape) != len(indices):
         return None
-    return shape if all(offset(index, shape) == number for number, index in enumerate(indices)) else None
+    return shape if all(element_offset(index, shape) == number for number, index in enumerate(indices)) else None

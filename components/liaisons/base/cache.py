@@ -36,12 +36,12 @@ def digest(path: Path) -> str:
         return file_digest(file, "sha256").hexdigest()
 
 
-def knows(key: str) -> bool:
+def is_trusted_fmu(key: str) -> bool:
     """Whether an FMU with this digest was built by us, or has been tried with success."""
     return key in _remembered or key in _stored_digests()
 
 
-def remember(key: str) -> None:
+def add_trusted_fmu(key: str) -> None:
     """Store a digest; where the cache cannot be written, for this process only."""
     _remembered.add(key)
     path = _digests_file()
@@ -69,7 +69,7 @@ def _stored_digests() -> list[str]:
         return []
 
 
-def read_object(key: str) -> bytes | None:
+def read_entry(key: str) -> bytes | None:
     """Content of a stored object file; None if it is not there as a whole."""
     path = folder() / "objects" / key
     with suppress(OSError):
@@ -80,7 +80,7 @@ def read_object(key: str) -> bytes | None:
     return _objects.get(key)
 
 
-def write_object(key: str, content: bytes) -> None:
+def write_entry(key: str, content: bytes) -> None:
     """Store an object file, and remove those that were not used for the longest time, if all are too large."""
     _objects[key] = content
     path = folder() / "objects" / key

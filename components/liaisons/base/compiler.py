@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Literal, final, get_args
 
 from liaisons.base import cache
-from liaisons.base.arguments import as_path, chosen
+from liaisons.base.arguments import as_path, check_choice
 from liaisons.base.project import fmus_directory
 from liaisons.errors import BuildError
 
@@ -57,7 +57,7 @@ class BuildSettings:
 
     def __post_init__(self) -> None:
         for name, choices in (("backend", Backend), ("platforms", Platforms), ("fmi", Fmi)):
-            chosen(name, getattr(self, name), get_args(choices), BuildError)
+            check_choice(name, getattr(self, name), get_args(choices), BuildError)
 
     @property
     def folder(self) -> Path:
@@ -89,7 +89,7 @@ TARGETS = (
 )
 
 
-def host() -> Target:
+def host_target() -> Target:
     """The platform of this process.
 
     :raises BuildError: if it is none of :data:`TARGETS`.
@@ -113,7 +113,7 @@ def zig_compiler() -> list[str] | None:
     return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else None
 
 
-def no_compiler(aim: str = "") -> str:
+def no_compiler_message(aim: str = "") -> str:
     """Message where a C compiler is needed and there is none.
 
     :param aim: ``" for WebAssembly"``; empty: any compiler would do.
@@ -132,7 +132,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     zig = zig_compiler()
     compiler = zig if cross else system_compiler() or zig
     if compiler is None:
-        raise BuildError(no_compiler(" for other platforms" if cross else ""))
+        raise BuildError(no_compiler_message(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     with _source_folder(sources) as (folder, names):
         objects = _compile_files([*compiler, *aim, *FLAGS, *target.flags], names, sources, folder)
@@ -150,7 +150,7 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     """
     zig = zig_compiler()
     if zig is None:
-        raise BuildError(no_compiler(" for WebAssembly"))
+        raise BuildError(no_compiler_message(" for WebAssembly"))
     with _source_folder(sources) as (folder, names):
         objects = _compile_files([*zig, *WASM_FLAGS, *flags], names, sources, folder)
         _run_compiler([*zig, *WASM_FLAGS, *flags, *objects, "-o", "module.wasm"], folder)
@@ -169,9 +169,9 @@ def _compile_files(command: list[str], names: list[str], sources: Mapping[str, b
         # Relative to the folder: no path gets into the library.
         compiling = [*command, "-I.", "-c", name, "-o", f"{name}.o"]
         key = hashlib.sha256(repr((compiling, identity, _with_headers(name, sources))).encode()).hexdigest()
-        if (stored := cache.read_object(key)) is None:
+        if (stored := cache.read_entry(key)) is None:
             _run_compiler(compiling, folder)
-            cache.write_object(key, (folder / f"{name}.o").read_bytes())
+            cache.write_entry(key, (folder / f"{name}.o").read_bytes())
         else:
             (folder / f"{name}.o").write_bytes(stored)
     return [f"{name}.o" for name in names]

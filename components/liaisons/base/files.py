@@ -19,7 +19,7 @@ from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacement_path(path: Path) -> Iterator[Path]:
     """Yield a temporary path, whose file replaces another one at the end unless an exception is raised.
 
     Links are followed.  A device, a pipe, the file of a standard stream, and a file in a folder that cannot be written
@@ -48,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_writable(path: Path) -> None:
-    """Raise a SimulationError, before a long run, for a path that :func:`replacing` could not write after it.
+    """Raise a SimulationError, before a long run, for a path that :func:`replacement_path` could not write after it.
 
     :raises SimulationError: if it cannot be written.
     """
@@ -65,7 +65,7 @@ def check_writable(path: Path) -> None:
         raise _unwritable_error(path, error) from None
 
 
-def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
+def read_csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
     """Read headings, units and rows of a CSV file, separated by commas, semicolons or tabulators.
 
     Lines that begin with ``#`` are left out, but for that below the headings, where units are; empty if there is none.
@@ -93,7 +93,7 @@ def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[s
     return headings, units if len(units) == len(headings) else [""] * len(headings), rows
 
 
-def toml_arguments(
+def read_toml_arguments(
     path: Path, keys: Collection[str], examples: Mapping[str, str], error: type[LiaisonsError]
 ) -> dict[str, Any]:
     """Read the arguments of a function from a TOML file.
@@ -115,7 +115,7 @@ def toml_arguments(
     return arguments
 
 
-def beside(path: Path, name: str) -> str:
+def file_beside(path: Path, name: str) -> str:
     """Path of a file in the folder of another one; the name as it is if there is no such file."""
     file = path.parent / name
     return str(file) if file.is_file() else name

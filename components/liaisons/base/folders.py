@@ -28,7 +28,7 @@ for folder in folders:
 
 
 @contextmanager
-def passing_folder() -> Iterator[Path]:
+def temporary_folder() -> Iterator[Path]:
     """Yield a new folder, removed at the end of the context, or after this process if that is killed."""
     folder = TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)
     _report_folder(folder.name)
@@ -44,7 +44,7 @@ def process_folder() -> Path:
     """Make the folder of this process, removed when it ends; one for all calls."""
     stack = ExitStack()
     atexit.register(stack.close)
-    return stack.enter_context(passing_folder())
+    return stack.enter_context(temporary_folder())
 
 
 def _report_folder(name: str) -> None:

@@ -45,7 +45,7 @@ def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
 
 
 @cache
-def coefficients(count: int) -> NDArray[np.float64]:
+def coefficient_matrix(count: int) -> NDArray[np.float64]:
     """Coefficients of all powers of θ as linear functions of the data; shape (2 count, 2 count).
 
     The data are derivatives with respect to θ, those at θ = 0 first.

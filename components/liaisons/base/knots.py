@@ -114,7 +114,7 @@ def _jumping_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.fl
     return np.array(rows)
 
 
-def curve(table: NDArray[np.float64]) -> PPoly:
+def piecewise_polynomial(table: NDArray[np.float64]) -> PPoly:
     """The piecewise polynomial through knots, shape (4, n); at a jump it has the limit from the right."""
     from scipy.interpolate import PPoly  # slow to load
 

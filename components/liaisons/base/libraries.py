@@ -9,22 +9,22 @@ from hashlib import sha256
 from pathlib import Path
 
 from liaisons.base import cache
-from liaisons.base.compiler import FLAGS, compile_library, host
-from liaisons.base.files import replacing
+from liaisons.base.compiler import FLAGS, compile_library, host_target
+from liaisons.base.files import replacement_path
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import logger
 from liaisons.errors import BuildError, SimulationError
 
 
 @lru_cache
-def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
+def compiled_library(sources: tuple[Path, ...], without: str) -> CDLL | None:
     """The library of C files; None if it cannot be compiled or loaded.
 
     :param without: what happens then, for the log.
     """
     contents = {source.name: source.read_bytes() for source in sources}
     try:
-        target = host()
+        target = host_target()
         key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
         path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
         if not _is_complete(path):
@@ -51,9 +51,9 @@ def _write_file(path: Path, content: bytes) -> Path:
     """Write a file, in a passing folder of the process if its own path cannot be written, and return its path."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as part:
+        with replacement_path(path) as part:
             part.write_bytes(content)
-        with replacing(_digest_path(path)) as part:
+        with replacement_path(_digest_path(path)) as part:
             part.write_text(sha256(content).hexdigest(), encoding="ascii")
     except (OSError, SimulationError):
         path = process_folder() / path.name

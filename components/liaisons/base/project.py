@@ -43,7 +43,7 @@ def scenario_files() -> dict[str, Path]:
     return {name: path for name, (_, path) in _packages_and_paths().items()}
 
 
-def scenario_order() -> dict[str, dict[str, Any]]:
+def read_gallery() -> dict[str, dict[str, Any]]:
     """Read the order of the gallery: titles that names of scenarios do not give, and themes with their scenarios."""
     return tomllib.loads((_OURS / "gallery.toml").read_text(encoding="utf-8"))
 
@@ -52,7 +52,7 @@ def scenario_themes() -> dict[str, tuple[str, list[str]]]:
     """Title and scenarios of each theme by its short name, then of each package; ``own`` has all other scenarios."""
     left = {name: package for name, (package, _) in _packages_and_paths().items()}
     themes: dict[str, tuple[str, list[str]]] = {}
-    for name, theme in scenario_order()["themes"].items():
+    for name, theme in read_gallery()["themes"].items():
         themes[name] = theme["title"], [scenario for scenario in theme["scenarios"] if left.pop(scenario, None)]
     for package in sorted({*left.values()}, key=lambda name: (name == "own", name)):
         title = "Of this directory" if package == "own" else f"Of the package {package}"
@@ -95,7 +95,7 @@ def declared_components() -> list[str] | None:
         raise ProjectError(f'{declaration}: {error}; write components = ["Pendulum", ...]') from None
 
 
-def from_here(path: Path) -> Path:
+def relative_to_working_directory(path: Path) -> Path:
     """Path relative to the working directory if it lies below that."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 

@@ -16,7 +16,7 @@ GROUP = "liaisons.components"
 
 
 @lru_cache(maxsize=1)
-def published() -> dict[str, dict[str, EntryPoint]]:
+def published_components() -> dict[str, dict[str, EntryPoint]]:
     """Return entry points by package, and by the name of their component in it; no package is imported."""
     packages: dict[str, dict[str, EntryPoint]] = {}
     for entry in entry_points(group=GROUP):
@@ -27,10 +27,14 @@ def published() -> dict[str, dict[str, EntryPoint]]:
 def publishers(name: object) -> dict[str, EntryPoint]:
     """Return the entry points of ``InclineBlock`` by package, that of ``PACKAGE:InclineBlock`` alone."""
     package, _, component = str(name).rpartition(":")
-    return {p: entries[component] for p, entries in published().items() if component in entries and package in {"", p}}
+    return {
+        p: entries[component]
+        for p, entries in published_components().items()
+        if component in entries and package in {"", p}
+    }
 
 
-def load_published(name: str) -> tuple[str, object]:
+def load_published_component(name: str) -> tuple[str, object]:
     """Import what is published by a name.
 
     :returns: the entry point in words, and its value.
@@ -48,10 +52,10 @@ def load_published(name: str) -> tuple[str, object]:
         raise ProjectError(f"{label} cannot be loaded: {reason}") from error
 
 
-def publisher(module: str) -> Distribution | None:
+def publishing_package(module: str) -> Distribution | None:
     """Return the installed package that publishes components in the top-level module of a module, if one does."""
     top = module.partition(".")[0]
-    entries = (entry for package in published().values() for entry in package.values())
+    entries = (entry for package in published_components().values() for entry in package.values())
     return next((entry.dist for entry in entries if _top_module(entry) == top), None)
 
 
@@ -63,7 +67,7 @@ def _top_module(entry: EntryPoint) -> str:
 def published_scenarios() -> dict[str, dict[str, Path]]:
     """Return, by package, paths of scenarios by name: of the folder ``scenarios`` in its module; none is imported."""
     packages: dict[str, dict[str, Path]] = {}
-    for package, entries in published().items():
+    for package, entries in published_components().items():
         modules = {*map(_top_module, entries.values())} - {""}
         folders = [Path(f) for s in map(find_spec, modules) if s for f in s.submodule_search_locations or ()]
         packages[package] = {path.stem: path for folder in folders for path in folder.glob("scenarios/[!_]*.py")}

@@ -39,7 +39,7 @@ class Record(Structure):
             array[:] = numbers
 
 
-def fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:
+def structure_fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:
     """Names and types of the fields of a structure, ``typedef struct { ... } structure;``.
 
     :param path: of the C file.

@@ -20,7 +20,7 @@ class UnitDefinition:
     offset: float
 
     @classmethod
-    def of(cls, name: str, attributes: Mapping[str, str]) -> UnitDefinition:
+    def from_attributes(cls, name: str, attributes: Mapping[str, str]) -> UnitDefinition:
         """The definition in the attributes of a ``BaseUnit``.
 
         :raises ValueError: for attributes that are no numbers, and factors and offsets that cannot convert.
@@ -30,7 +30,7 @@ class UnitDefinition:
             raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
         return cls(tuple(int(attributes.get(base, 0)) for base in BASE), factor, offset)
 
-    def to(self, other: UnitDefinition) -> Conversion:
+    def conversion_to(self, other: UnitDefinition) -> Conversion:
         """The conversion to another unit of the same dimension."""
         if math.isclose(self.factor, other.factor) and self.offset == other.offset:
             return SAME
@@ -43,7 +43,7 @@ class Conversion(NamedTuple):
     factor: float = 1.0
     offset: float = 0.0
 
-    def of(self, value: float) -> float:
+    def apply(self, value: float) -> float:
         """The converted value."""
         return self.factor * value + self.offset
 

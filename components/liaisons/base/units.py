@@ -87,7 +87,7 @@ def parse(name: str) -> Unit:
     return Unit(name, ordered, _DISPLAY.get(name, ()))
 
 
-def in_si(name: str, unit: str) -> float:
+def size_in_si(name: str, unit: str) -> float:
     """Size of a measured unit in an SI unit: π/180 for ``"deg/s"`` in ``"rad/s"``, 0.01 for ``"cm"`` in ``"m"``.
 
     :raises ValueError: for an unknown unit, or one of another quantity.
@@ -134,7 +134,7 @@ def product(factors: Iterable[tuple[Powers, int | Fraction]]) -> Powers:
     return tuple(map(sum, zip(*columns, strict=True)))
 
 
-def written(exponents: Powers) -> str:
+def unit_name(exponents: Powers) -> str:
     """Name of a unit with these exponents: ``"N"``, ``"kg.m"``, ``"1/s"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
     for name in _NAMED:
         if powers(name) == exponents:
@@ -153,7 +153,7 @@ def quotient(numerator: str, denominator: str) -> str:
     """Unit of a quotient, without the radian; ANY if one of both is."""
     if ANY in (numerator, denominator):
         return ANY
-    return written(product([(powers(numerator), 1), (powers(denominator), -1)]))
+    return unit_name(product([(powers(numerator), 1), (powers(denominator), -1)]))
 
 
 def _exponent_text(power: int | Fraction) -> str:

@@ -65,7 +65,7 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
         raise ValueError(f"a number is out of range: {error}") from None
 
 
-def tree(file: IO[bytes]) -> Element:
+def read_tree(file: IO[bytes]) -> Element:
     """Read a document as a tree of elements with attributes, without texts.
 
     :raises ValueError: as :func:`parse`, and for too many elements and attributes.

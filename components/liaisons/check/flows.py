@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import numbers
+from liaisons.base.arguments import float_array
 from liaisons.base.arrays import Floats
 from liaisons.base.reference_integration import integrate
 from liaisons.errors import ValidityError
@@ -29,8 +29,8 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     :returns: shape ``(2n, *times.shape)``.
     :raises ValidityError: for an odd number of values, times that go back, or an H that is not finite on the way.
     """
-    z = numbers("hamiltonian_flow: start", start, ValidityError)
-    t = numbers("hamiltonian_flow: times", times, ValidityError)
+    z = float_array("hamiltonian_flow: start", start, ValidityError)
+    t = float_array("hamiltonian_flow: times", times, ValidityError)
     n, odd = divmod(z.size, 2)
     if z.ndim != 1 or odd or not n:
         raise ValidityError(f"hamiltonian_flow: start of shape {z.shape}; give as many p as q")

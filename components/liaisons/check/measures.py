@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, numbers
+from liaisons.base.arguments import check_finite, float_array
 from liaisons.base.arrays import Floats
 from liaisons.errors import ValidityError
 
@@ -18,8 +18,8 @@ def max_error(values: ArrayLike, reference: ArrayLike) -> float:
     :returns: a number in the unit of the values; NaN if one of them is NaN.
     :raises ValidityError: for empty or different shapes.
     """
-    computed = numbers("max_error: values", values, ValidityError)
-    expected = numbers("max_error: reference", reference, ValidityError)
+    computed = float_array("max_error: values", values, ValidityError)
+    expected = float_array("max_error: reference", reference, ValidityError)
     if computed.size == 0 or (expected.ndim > 0 and computed.shape != expected.shape):
         raise ValidityError(
             f"max_error: shapes {computed.shape} and {expected.shape} cannot be compared; "
@@ -35,7 +35,7 @@ def slope(h: ArrayLike, errors: ArrayLike) -> float:
     :param errors: errors at these step sizes, shape (n,), all > 0.
     :raises ValidityError: for fewer than three points, or a number that is not positive or not finite.
     """
-    steps, sizes = numbers("slope: h", h, ValidityError), numbers("slope: errors", errors, ValidityError)
+    steps, sizes = float_array("slope: h", h, ValidityError), float_array("slope: errors", errors, ValidityError)
     if steps.ndim != 1 or steps.shape != sizes.shape:
         raise ValidityError(f"slope: {steps.shape} step sizes for {sizes.shape} errors; give one error a step size")
     if steps.size < 3:
@@ -62,7 +62,7 @@ def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bo
     from scipy.interpolate import CubicHermiteSpline
 
     arguments = {"time": time, "signal": signal, "rate": rate}
-    t, x, x_dot = (numbers(f"crossings: {name}", values, ValidityError) for name, values in arguments.items())
+    t, x, x_dot = (float_array(f"crossings: {name}", values, ValidityError) for name, values in arguments.items())
     if not (t.ndim == 1 and t.shape == x.shape == x_dot.shape and t.size > 1 and np.all(np.diff(t) > 0)):
         raise ValidityError(f"crossings: time, signal, rate of shapes {t.shape}, {x.shape}, {x_dot.shape}; give one of "
                             "each an instant, and instants that increase")  # fmt: skip
@@ -79,8 +79,8 @@ def frequencies(cosines: ArrayLike, step: float) -> Floats:
     :returns: shape (...).
     :raises ValidityError: for fewer than three values of one.
     """
-    q = numbers("frequencies: cosines", cosines, ValidityError)
-    finite("frequencies: step", step, ValidityError)
+    q = float_array("frequencies: cosines", cosines, ValidityError)
+    check_finite("frequencies: step", step, ValidityError)
     if q.ndim == 0 or q.shape[-1] < 3:
         raise ValidityError(f"frequencies: cosines of shape {q.shape}; give three values of each at least")
     around, middle = q[..., 2:] + q[..., :-2], q[..., 1:-1]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from textwrap import wrap
 
-from liaisons.base.arguments import numbers, shown
+from liaisons.base.arguments import float_array, shown
 from liaisons.errors import ValidityError, one_line
 
 
@@ -68,7 +68,7 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
 def _checked_number(claim: str, name: str, value: object) -> float:
     """Number that an argument of a verdict has; raise a ValidityError for anything else."""
-    array = numbers(f"{claim!r}: {name}", value, ValidityError)
+    array = float_array(f"{claim!r}: {name}", value, ValidityError)
     if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
     return array.item()

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liaisons.base.arrays import Floats
-from liaisons.base.files import csv_cells
-from liaisons.base.knots import Join, curve, knots
+from liaisons.base.files import read_csv_cells
+from liaisons.base.knots import Join, knots, piecewise_polynomial
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
@@ -139,7 +139,7 @@ def _prescribe_table(
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:
         table = knots(times, columns[name], join=join)
-        through, breaks = curve(table), table[0, 1:][np.diff(table[0]) == 0]
+        through, breaks = piecewise_polynomial(table), table[0, 1:][np.diff(table[0]) == 0]
         prescribed.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
@@ -155,7 +155,7 @@ def read_table(path: Path) -> tuple[Floats, dict[str, Floats]]:
 
     :raises SimulationError: if it cannot be read, or is no such file; names the line.
     """
-    names, _, lines = csv_cells(path, SimulationError)
+    names, _, lines = read_csv_cells(path, SimulationError)
     time = next((name for name in _TIMES if name in names), "")
     if not time or len(set(names)) < len(names) or len(names) < 2:
         raise SimulationError(

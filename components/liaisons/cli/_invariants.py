@@ -11,10 +11,10 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.base.archive import Archive
-from liaisons.base.files import csv_cells
-from liaisons.base.folders import passing_folder
+from liaisons.base.files import read_csv_cells
+from liaisons.base.folders import temporary_folder
 from liaisons.base.related_files import related_files
-from liaisons.base.xml_documents import tree
+from liaisons.base.xml_documents import read_tree
 from liaisons.check import Verdict, compare, verdict
 from liaisons.cli._subject import mismatches, simulation
 from liaisons.cosim import simulate
@@ -43,7 +43,7 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
     """
     fmu = read(path)
     with Archive(path) as archive:
-        size = archive.size_of(DESCRIPTION)
+        size = archive.unpacked_size(DESCRIPTION)
     if size > _MOST_VALIDATED:
         yield f"{DESCRIPTION} has {size} bytes; fmpy's validator would need too much memory and is left out"
     else:
@@ -108,7 +108,7 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
 
 def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
     """Yield a verdict on each table of reference results in the FMU, which a run has to reproduce."""
-    with Archive(fmu.path) as archive, passing_folder() as folder:
+    with Archive(fmu.path) as archive, temporary_folder() as folder:
         try:
             files = related_files(archive)
             for file in files:
@@ -126,13 +126,13 @@ def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> V
 
     :param beside: files of the same labels, with parameters and inputs of the run, by their roles.
     """
-    head, _, rows = csv_cells(results, SimulationError)
+    head, _, rows = read_csv_cells(results, SimulationError)
     times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
     names = [name for column in head[1:] for name in fmu.elements(column)]
     starts = []
     if "parameter" in beside:
         with beside["parameter"].open("rb") as file:
-            starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(tree(file))]
+            starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(read_tree(file))]
     inputs = [str(beside["testcase"])] if "testcase" in beside else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance
@@ -172,7 +172,7 @@ def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)
     results = []
-    with passing_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
+    with temporary_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
         instance.initialize({}, tolerance, 0.0, 3 * step_size)
         instance.exit_initialization()
         save, restore = instance.save_and_restore_calls()

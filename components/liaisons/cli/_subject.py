@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from liaisons import ssp
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import Join
 from liaisons.base.project import ProjectError, load_module
 from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs
@@ -118,10 +118,10 @@ def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: Prescr
 
 def mismatches(fmu: Fmu) -> list[str]:
     """Local variables that measure contradictions of σ, σ̇ and σ̈ of inputs; none in FMUs of other tools."""
-    inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
+    inputs = {name for port in fmu.reals("input") for name in (port, array_and_index(port)[0])}
     names: list[str] = []
     for name in fmu.reals("local"):
-        base, _ = split(name)
+        base, _ = array_and_index(name)
         value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
         if base.endswith(MISMATCH) and value in inputs and fmu.terminals.port(value):
             names.append(name)

@@ -17,8 +17,8 @@ import typer
 from liaisons.base.compiler import Backend, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
-from liaisons.base.project import declared_components, fmus_directory, from_here
-from liaisons.base.published import published, publishers
+from liaisons.base.project import declared_components, fmus_directory, relative_to_working_directory
+from liaisons.base.published import published_components, publishers
 from liaisons.cli._command import (
     Limits,
     Prescribe,
@@ -62,7 +62,7 @@ def listing(
 
 def _show_published() -> None:
     """Print a table of components for each package that publishes some, without those that cannot be loaded."""
-    for package, entries in published().items():
+    for package, entries in published_components().items():
         rows = []
         for component in entries:
             if component in catalogue() or len(publishers(component)) > 1:
@@ -159,7 +159,7 @@ def build(
             if isinstance(path, BackEndError):
                 left_out.append(path)
             else:
-                print(from_here(path), flush=True)
+                print(relative_to_working_directory(path), flush=True)
     for error in left_out:
         print(f"left out: {error}", file=sys.stderr)
     return 2 if targets and left_out else 0  # what is named has to be there
@@ -177,7 +177,7 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
     for name, text in texts.items():
         path = folder / f"{name}.mo"
         path.write_text(text, encoding="utf-8")
-        print(from_here(path), flush=True)
+        print(relative_to_working_directory(path), flush=True)
     return 0
 
 

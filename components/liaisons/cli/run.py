@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.base.project import ProjectError, from_here, scenario_files, scenario_themes
+from liaisons.base.project import ProjectError, relative_to_working_directory, scenario_files, scenario_themes
 from liaisons.cli._command import command, flag, option, show, show_scenarios
 from liaisons.cli._texts import scenarios_of
 from liaisons.errors import suggestion
@@ -63,7 +63,10 @@ def run(
     for scenario in [load(target) for target in chosen]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)
         outcome = execute(scenario, figures, debug=context.obj)
-        print(f"error: {outcome.error}" if outcome.error else f"figure: {from_here(outcome.figure)}", flush=True)
+        print(
+            f"error: {outcome.error}" if outcome.error else f"figure: {relative_to_working_directory(outcome.figure)}",
+            flush=True,
+        )
         outcomes.append(outcome)
     print()
     show(row for outcome in outcomes for row in outcome.rows())

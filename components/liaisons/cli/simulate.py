@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer.core import TyperCommand
 
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.base.files import check_writable
 from liaisons.base.port_names import port_names
 from liaisons.base.processes import TIME_LIMIT
@@ -141,7 +141,7 @@ def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Res
 
     rows, lines = [], []
     for row, name in enumerate(result.names):
-        base = split(name)[0]
+        base = array_and_index(name)[0]
         if name in requested or not base.endswith(MISMATCH):
             rows.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:

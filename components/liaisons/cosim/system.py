@@ -11,7 +11,14 @@ from typing import Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, merged, settings_beside, shown, with_arguments, with_settings
+from liaisons.base.arguments import (
+    as_path,
+    merged_start_values,
+    shown,
+    start_value_hints,
+    with_arguments,
+    with_settings,
+)
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, performed, started
@@ -83,7 +90,7 @@ class System:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
-        starts = merged(f"{self.name}: {name}", start_values, keywords)
+        starts = merged_start_values(f"{self.name}: {name}", start_values, keywords)
         return self._add_part(name, fmu, starts, isolated=isolated, solver=solver)
 
     def _add_part(
@@ -332,7 +339,7 @@ class _SingleRun:
             real_time=real_time,
         )
         path = as_path("fmu", fmu)
-        starts = merged(path.stem, start_values, keywords)
+        starts = merged_start_values(path.stem, start_values, keywords)
         system = System(path.stem or str(path))
         system._add_part(  # noqa: SLF001 - it may have a dot in its name
             path.stem, path, starts, isolated=isolated, solver=solver
@@ -346,7 +353,7 @@ class _SingleRun:
         """
         system, starts, parts = self.system, self.starts, self.system.parts
         title = next(iter(parts))
-        with settings_beside(parts[title].fmu.variables):
+        with start_value_hints(parts[title].fmu.variables):
             simulation = checked(title, parts, system.connections, self.settings, single=True, endless=endless)
         for drive in simulation.drives:
             for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):

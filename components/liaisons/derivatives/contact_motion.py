@@ -15,7 +15,7 @@ from typing import Any, Self, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.base.logs import logger
 from liaisons.derivatives.contact_steps import ContactSteps, Entries
 from liaisons.derivatives.contacts import Contacts, Kind
@@ -93,7 +93,7 @@ class ContactMotion(SteppedMotion):
         counts = np.concatenate([entries.shared[:, 2 * last : last] for entries in settled]).astype(int)
         events = np.diff(counts, axis=0, prepend=0).T
         impacts = {
-            suffixed(name, "_impacts"): (np.repeat(instants, row), np.repeat(slopes, row, axis=0))
+            suffixed_name(name, "_impacts"): (np.repeat(instants, row), np.repeat(slopes, row, axis=0))
             for name, row in zip(self.contacts.names, events, strict=False)
         }
         signals = self._evaluated(run, self.functions.outputs)

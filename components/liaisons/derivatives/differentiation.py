@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, merged, shown, time_span
-from liaisons.base.array_names import split
+from liaisons.base.arguments import check_finite, checked_stop_and_step, merged_start_values, shown
+from liaisons.base.array_names import array_and_index
 from liaisons.base.logs import collected_warnings
 from liaisons.base.units import quotient
 from liaisons.derivatives.steps import Floats
@@ -151,7 +151,7 @@ def sensitivities(
         record=record,
         operators=operators,
         inputs=inputs,
-        start_values=merged("sensitivities", start_values, keywords),
+        start_values=merged_start_values("sensitivities", start_values, keywords),
         tolerance=tolerance,
     )
     with collected_warnings() as warned:
@@ -197,12 +197,12 @@ def gradient(
         record=record,
         operators=operators,
         inputs=inputs,
-        start_values=merged("gradient", start_values, keywords),
+        start_values=merged_start_values("gradient", start_values, keywords),
         tolerance=tolerance,
     )
     columns = ca.MX.sym("signals", len(motion.times), len(motion.signals))
     signals_by_name = _Signals({"time": ca.DM(motion.times)})
-    for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
+    for name in dict.fromkeys((*motion.signals, *(array_and_index(name)[0] for name in motion.signals))):
         signals_by_name[name] = columns[:, _name_indices(name, motion.signals)]
     value = cost(signals_by_name)
     try:
@@ -234,7 +234,7 @@ class _Signals(dict[str, Any]):
 
 def _name_indices(name: str, names: tuple[str, ...]) -> list[int]:
     """Indices of a name, or of the elements of an array, among names."""
-    indices = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
+    indices = [number for number, other in enumerate(names) if name in (other, array_and_index(other)[0])]
     if not indices:
         raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
     return [names.index(name)] if name in names else indices
@@ -250,10 +250,10 @@ def _recorded_times(
         return times
     if stop_time is None:
         raise InvalidValueError("give stop_time, or the recorded times themselves as times")
-    finite("start_time", start_time)
-    finite("stop_time", stop_time)
+    check_finite("start_time", start_time)
+    check_finite("stop_time", stop_time)
     step = (abs(stop_time - start_time) or 1.0) / _INTERVALS if step_size is None else step_size
-    stop, step = time_span(start_time, stop_time, step)
+    stop, step = checked_stop_and_step(start_time, stop_time, step)
     count = (stop - start_time) / step
     if count > _MOST:
         raise InvalidValueError(f"step_size = {step:g}: {count:.3g} recorded times are too many; take larger steps")

@@ -12,8 +12,8 @@ from typing import Any, Self, cast, final
 
 import numpy as np
 
-from liaisons.base.array_names import suffixed
-from liaisons.base.folders import passing_folder
+from liaisons.base.array_names import suffixed_name
+from liaisons.base.folders import temporary_folder
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values
@@ -80,7 +80,7 @@ class FmuEquations:
         starts, states = self._starts_and_states(values)
         part = SystemComponent(name, fmu, start_values(name, fmu, starts))
         with ExitStack() as stack:
-            folder = extracted([fmu], stack.enter_context(passing_folder()))[fmu.path]
+            folder = extracted([fmu], stack.enter_context(temporary_folder()))[fmu.path]
             try_to_start(part, folder, (time, time + 1.0))
             self._instance = cast(ModelExchange, stack.enter_context(make(name, fmu, folder)))
             self._instance.initialize(part.starts, None, time, time + 1.0)
@@ -112,7 +112,7 @@ class FmuEquations:
         present = {*fmu.arrays, *fmu.variables}
         starts, states = dict(values), {}
         for name in values:
-            start = suffixed(name, "_0")
+            start = suffixed_name(name, "_0")
             if name not in present or fmu.variables.entry(name).like.settable:
                 continue
             if start in present:

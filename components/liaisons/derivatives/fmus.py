@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import listed, numbers
+from liaisons.base.arguments import float_array, name_list
 from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
@@ -107,7 +107,7 @@ class FmuMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return replace(self, times=numbers("times", times))
+        return replace(self, times=float_array("times", times))
 
     def frozen(self, values: ArrayLike) -> Self:  # noqa: ARG002
         """The same motion: FMUs choose their steps in each run."""
@@ -296,7 +296,7 @@ def fmu_motion(
     if record is None:
         outputs = [(part, name) for part in system.parts.values() for name in part.fmu.reals("output")]
         record = [name if path else f"{part.name}.{name}" for part, name in outputs]
-    starts, signals = motion.result({}, listed("by", by)), motion.result({}, listed("record", record))
+    starts, signals = motion.result({}, name_list("by", by)), motion.result({}, name_list("record", record))
     motion = replace(
         motion,
         names=starts.names,

@@ -7,7 +7,7 @@ from typing import get_args
 
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import chosen, finite, listed, named
+from liaisons.base.arguments import check_choice, check_finite, name_dictionary, name_list
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.running.linearization import Linearization, Method
 from liaisons.derivatives.fmu_equations import FmuEquations
@@ -41,12 +41,12 @@ def linearize(
         that is not made for Model Exchange.
     """
     path = fmu_file(subject)
-    values = named("linearize: at", {} if at is None else at)
-    finite("linearize: time", time)
+    values = name_dictionary("linearize: at", {} if at is None else at)
+    check_finite("linearize: time", time)
     if method is not None:
-        chosen("linearize: method", method, get_args(Method))
-    chosen_inputs = None if inputs is None else listed("linearize: inputs", inputs)
-    chosen_outputs = None if outputs is None else listed("linearize: outputs", outputs)
+        check_choice("linearize: method", method, get_args(Method))
+    chosen_inputs = None if inputs is None else name_list("linearize: inputs", inputs)
+    chosen_outputs = None if outputs is None else name_list("linearize: outputs", outputs)
     if read(path, prefers="ModelExchange").is_sampled:
         words = "its outputs hold, and depend on nothing between samples; linearize what it controls"
         raise SimulationError(f"{path.stem} is sampled: {words}")

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Self, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import numbers
+from liaisons.base.arguments import float_array
 from liaisons.derivatives.functions import MotionFunctions
 from liaisons.derivatives.steps import METHOD, Event, Floats, Integers, Segment, StepEnds, Steps, steps_of
 from liaisons.errors import SimulationError
@@ -134,7 +134,7 @@ class SteppedMotion(ABC):
 
     def _checked(self, values: ArrayLike) -> Floats:
         """Values as an array, (values,), each inside its domain."""
-        k = np.array(numbers("values", values, SimulationError), dtype=float)
+        k = np.array(float_array("values", values, SimulationError), dtype=float)
         if k.shape != self.values.shape:
             raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
         for (name, variable), value in zip(self.variables.items(), k.tolist(), strict=True):
@@ -162,7 +162,7 @@ class SteppedMotion(ABC):
         """Signals, weights, and derivatives of the weighted sum by values, and by states at the recorded times."""
         f, count = self.functions, len(run.k)
         signals = self._evaluated(run, f.outputs)
-        factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
+        factors = float_array("weights", weights(signals) if callable(weights) else weights, SimulationError)
         if factors.shape != signals.shape:
             raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
         sums = np.zeros((count + f.states, len(self.times)))
@@ -378,7 +378,7 @@ def recorded_times(times: ArrayLike, start_time: float) -> Floats:
 
     :raises SimulationError: unless they are finite, ascending, and not before the start time.
     """
-    array = numbers("times", times)
+    array = float_array("times", times)
     if array.ndim != 1 or not array.size or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise SimulationError("times: give finite numbers in ascending order")
     if array[0] < start_time:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, listed, named, numbers, positive
-from liaisons.base.array_names import split
+from liaisons.base.arguments import check_finite, check_positive, float_array, name_dictionary, name_list
+from liaisons.base.array_names import array_and_index
 from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.contact_motion import ContactMotion, with_contacts
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
@@ -70,19 +70,19 @@ def motion_of(
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
         return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
     moving = operator_models(model, operators)
-    driven = named("inputs", inputs or {})
-    finite("start_time", start_time)
-    positive("tolerance", tolerance)
+    driven = name_dictionary("inputs", inputs or {})
+    check_finite("start_time", start_time)
+    check_positive("tolerance", tolerance)
     variables = settable(model, moving)
     _refuse_inputs(model, driven, moving)
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
-    for name, value in {**own_values, **named("start_values", start_values or {})}.items():
+    for name, value in {**own_values, **name_dictionary("start_values", start_values or {})}.items():
         elements = _variables_of(model, name, variables)
         if isinstance(value, OperatorFmu):
             raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
-        array = numbers(name, value)
+        array = float_array(name, value)
         if array.shape not in ((), (len(elements),)):
             raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
         values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
@@ -90,13 +90,13 @@ def motion_of(
         if not (np.isfinite(value) and variables[name].allows(value)):
             domain = variables[name].domain() or "finite"
             raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
-    names = dict.fromkeys(element for name in listed("by", by) for element in _variables_of(model, name, variables))
+    names = dict.fromkeys(element for name in name_list("by", by) for element in _variables_of(model, name, variables))
     shared = [name for name in values if name not in names]
 
     outputs = {variable.name: variable for variable in model.outputs}
     signals = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
     if record is not None:
-        signals = [element for name in listed("record", record) for element in _element_names(name, outputs)]
+        signals = [element for name in name_list("record", record) for element in _element_names(name, outputs)]
     functions = motion_functions(
         model,
         moving=tuple(moving.items()),
@@ -162,7 +162,7 @@ def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
 
 def _element_names(name: str, names: Iterable[str]) -> list[str]:
     """Names of the elements of an array; the name itself if it is none."""
-    return [element for element in names if element != name and split(element)[0] == name] or [name]
+    return [element for element in names if element != name and array_and_index(element)[0] == name] or [name]
 
 
 def _variables_of(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:

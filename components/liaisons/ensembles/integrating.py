@@ -14,7 +14,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
+from liaisons.base.arguments import (
+    check_choice,
+    check_integer,
+    checked_stop_and_step,
+    float_array,
+    name_dictionary,
+    name_list,
+)
 from liaisons.ensembles.members import Members, moved_model
 from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.ensembles.right_hand_sides import (
@@ -104,16 +111,16 @@ def ensemble(
     model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU", contacts=True)
     moving = operator_models(model, operators)
     variables = settable(model, moving)
-    for name in named("start_values", start_values):
+    for name in name_dictionary("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     if method is not None:
-        chosen("method", method, tuple(METHODS))
+        check_choice("method", method, tuple(METHODS))
         refuse_contacts(model, f"method = {method!r}", "leave it out: members take the steps of its FMU")
     if threads is not None:
-        whole("threads", threads)
-    time_span(start_time, stop_time, step_size)
-    whole("samples", samples)
+        check_integer("threads", threads)
+    checked_stop_and_step(start_time, stop_time, step_size)
+    check_integer("samples", samples)
     if not (stop_time - start_time) / step_size < (_MOST_EVENT_STEPS if model.contacts else _MOST_STEPS):
         raise SimulationError(
             f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
@@ -121,7 +128,7 @@ def ensemble(
     arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
     count = _case_count(model.name, {name: array for name, array in arrays.items() if array.ndim})
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
-    names = tuple(moved if record is None else listed("record", record))
+    names = tuple(moved if record is None else name_list("record", record))
     threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
     try:
         if samples * count > _MOST_NUMBERS:
@@ -298,7 +305,7 @@ def _errors(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
 
 def _checked_values(label: str, value: ArrayLike) -> Floats:
     """The value as a number, or as an array of one number a case."""
-    array = numbers(label, value)
+    array = float_array(label, value)
     if array.ndim > 1:
         raise SimulationError(f"{label} has shape {array.shape}; give one number a case")
     return array

@@ -14,7 +14,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles.steps import Floats, call, loaded
 from liaisons.errors import SimulationError
 from liaisons.fmu.code import core_files
@@ -120,4 +120,4 @@ def _library(model: Model) -> ctypes.CDLL:
 def _compiled(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
     """Compile the code of a model with ``members.c``, once a process."""
     own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
-    return loaded(compile_library({**dict(sources), "members.c": own}, host()))
+    return loaded(compile_library({**dict(sources), "members.c": own}, host_target()))

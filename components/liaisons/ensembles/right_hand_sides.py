@@ -15,7 +15,7 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from liaisons.base.arguments import named
+from liaisons.base.arguments import name_dictionary
 from liaisons.cosim import System
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.expressions.algebra import closure, stack
@@ -126,7 +126,7 @@ def operator_models(
     :raises ComponentError: if one is no function of time, or what it is put onto is not active.
     """
     active, moving = [a.value for a in model.active], dict[str, Model]()
-    for name, target in named("operators", {} if operators is None else operators, error).items():
+    for name, target in name_dictionary("operators", {} if operators is None else operators, error).items():
         operator = component(target)
         if name not in active:
             raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles.kernel import step_code
 from liaisons.ensembles.methods import Tableau
 from liaisons.ensembles.right_hand_sides import RightHandSide
@@ -123,7 +123,7 @@ def library(code: str, *options: str) -> ctypes.CDLL:
 def loaded(content: bytes) -> ctypes.CDLL:
     """Load a library from its bytes."""
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
-        path = Path(folder, f"ensemble{host().extension}")
+        path = Path(folder, f"ensemble{host_target().extension}")
         path.write_bytes(content)
         return ctypes.CDLL(str(path))
 
@@ -131,7 +131,7 @@ def loaded(content: bytes) -> ctypes.CDLL:
 def _library_bytes(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
     """Compile C code by the first set of options that the compiler takes."""
     options, *further = option_sets
-    target = host()
+    target = host_target()
     try:
         return compile_library({"ensemble.c": code}, replace(target, flags=(*target.flags, *options)))
     except BuildError:

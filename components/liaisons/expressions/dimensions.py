@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 
 from liaisons.base import units
-from liaisons.base.units import NUMBER, Powers, product, written
+from liaisons.base.units import NUMBER, Powers, product, unit_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.operations import NAMES, interpret
 
@@ -160,7 +160,7 @@ def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | 
     """Return the unit 1; None if the operand has another one, which is noted in the node."""
     if operand.unit in (None, NUMBER):
         return NUMBER
-    node.wrong = f"{message}, but {operand.text()} is {written(operand.unit or NUMBER)}"
+    node.wrong = f"{message}, but {operand.text()} is {unit_name(operand.unit or NUMBER)}"
     return None
 
 
@@ -175,7 +175,7 @@ def _raise_first_error(item: Declared, result: _Node, expected: Powers | None) -
         the_term, missing = "" if len(terms) == 1 else "the term ", product([(expected, 1), (term.unit, -1)])
         raise ComponentError(
             f"{item.label}: {the_term}{term.text()} is {_unit_text(term.unit)} where {item.unit} is expected: "
-            f"a factor of {written(missing)} is missing{_constant_hint(term)}"
+            f"a factor of {unit_name(missing)} is missing{_constant_hint(term)}"
         )
 
 
@@ -197,7 +197,7 @@ def _constant_hint(node: _Node) -> str:
 
 def _unit_text(unit: Powers | None) -> str:
     """Return the name of a unit in a message."""
-    return "a pure number" if unit == NUMBER else written(unit or NUMBER)
+    return "a pure number" if unit == NUMBER else unit_name(unit or NUMBER)
 
 
 # ---- the rules ---------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             partial.unlink(missing_ok=True)
     except OSError as error:
         raise BuildError(f"{path} cannot be written: {error.strerror}; choose another folder with output=") from error
-    cache.remember(digest)
+    cache.add_trusted_fmu(digest)
 
 
 def read_member(path: Path, name: str) -> bytes | None:

@@ -17,8 +17,8 @@ from liaisons.base.compiler import (
     BuildSettings,
     Fmi,
     compile_library,
-    host,
-    no_compiler,
+    host_target,
+    no_compiler_message,
     system_compiler,
     zig_compiler,
 )
@@ -29,7 +29,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.origin import with_provenance
-from liaisons.fmu.wasm import binary_path, component, manifest
+from liaisons.fmu.wasm import binary_path, compile_component, manifest_members
 from liaisons.mechanics.model import Model, refuse_contacts
 
 _DESCRIPTION = "modelDescription.xml"
@@ -73,7 +73,7 @@ def _compiler_command() -> list[str] | None:
 @cache
 def _warn_no_compiler() -> None:
     """Warn, once a process, that FMUs are built in Python."""
-    _log.warning("FMUs are built in Python: %s", no_compiler())
+    _log.warning("FMUs are built in Python: %s", no_compiler_message())
 
 
 def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, arrays: bool) -> Path:
@@ -85,16 +85,16 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
         **{f"sources/{name}": content for name, content in sources.items()},
     }
-    experimental = manifest() if platforms == "wasm" else {}
+    experimental = manifest_members() if platforms == "wasm" else {}
     members = _with_guid_and_origin(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
         paths[target]: partial(compile_library, code, target, cross=platforms == "all")
-        for target in (TARGETS if platforms == "all" else [host()])
+        for target in (TARGETS if platforms == "all" else [host_target()])
     }
     if platforms == "wasm":
-        binaries[binary_path(model.name)] = partial(component, code)
+        binaries[binary_path(model.name)] = partial(compile_component, code)
         if _is_current(path, members):  # existing binaries are kept beside the component
             members |= {name: binary for name in paths.values() if (binary := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):

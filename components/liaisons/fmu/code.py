@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.base.port_names import impulse_name, jump_name
 from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
-from liaisons.fmu.dependencies import coupled_count, shown_states
+from liaisons.fmu.dependencies import coupled_state_count, state_outputs
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
-from liaisons.fmu.jumps import jump_table
+from liaisons.fmu.jumps import jump_flags
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_count
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
@@ -77,7 +77,7 @@ def core_files(model: Model) -> dict[str, bytes]:
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
     """Return ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
-    loops = loop_functions(model.programs, coupled_count(model), adjoint=adjoint) if model.programs else {}
+    loops = loop_functions(model.programs, coupled_state_count(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rate_functions(model)
     members = _model_functions(model, adjoint=adjoint)
     booking = _booking(model, members)
@@ -95,7 +95,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     fields = {
         **_struct_members(model, guid, tables),
         **({} if arrays else {"by_number": 1}),
-        "coupled": rates[-1][1].numel_out(0) if rates else coupled_count(model),
+        "coupled": rates[-1][1].numel_out(0) if rates else coupled_state_count(model),
         "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
         "most_results": max([_MOST, *(function.sz_res() for function in functions)]),
         "integers": max(function.sz_iw() for function in functions),
@@ -268,7 +268,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
         activity: tuple(bool(effect & ~activity) and not large for effect in effect_of_number)
         for activity in _ACTIVITIES
     }
-    count = coupled_count(model)
+    count = coupled_state_count(model)
     pairs: dict[tuple[bool, ...], tuple[ca.Function, ca.Function]] = {}
     for activity, suffix in reversed(_ACTIVITIES.items()):
         if (is_zero := zeros[activity]) not in pairs:
@@ -328,7 +328,7 @@ def _dense_blocks(vector: Any, counts: Sequence[int]) -> Any:
 
 def _variable_sizes(model: Model, vector: str) -> list[int]:
     """Return the number of elements of each variable in a vector of the model."""
-    groups = {"y": shown_states(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
+    groups = {"y": state_outputs(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
     if vector in groups:
         return [variable.count for variable in groups[vector]]
     return [1] * (1 if vector == "t" else model.start.numel_out(1))
@@ -403,7 +403,7 @@ def _tables(model: Model) -> list[_Table]:
         _Table("variables", "", "Variable", _variable_rows(model)),
         _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _differing_starts(model)]),
         _Table("active", "active_rows", "Active", active),
-        _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_table(model)]),
+        _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_flags(model)]),
         _Table("state", "state_rows", "State", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
         _Table(
             "dimensions",
@@ -472,7 +472,7 @@ def _reaction_rows(model: Model) -> list[str]:
     return [
         _initializer(
             *(inputs[name].start for name in (jump_name(a.rate), a.rate, a.acceleration)),
-            output[force := suffixed(a.value, "_force")],
+            output[force := suffixed_name(a.value, "_force")],
             memory[impulse_name(force)],
         )
         for a in model.active
@@ -483,7 +483,7 @@ def _reaction_rows(model: Model) -> list[str]:
 def _variable_rows(model: Model) -> list[str]:
     """Return a C initializer for each variable."""
     variables = (*model.variables, TIME)
-    indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _effects_of_inputs(model)
+    indices, states, activities = index_ranges(variables), index_ranges(state_outputs(model)), _effects_of_inputs(model)
     kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
     return [
         _initializer(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.expressions.row_functions import row_function
 from liaisons.fmu.layout import TIME, scalar_count
 from liaisons.language import Variable
@@ -29,7 +29,7 @@ _LINKS = 12
 def running_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, states, inputs and parameters."""
     m = _with_few_links(model)
-    groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
+    groups = {0: (TIME,), 1: state_outputs(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(running_outputs(m), m.outputs, groups)
 
 
@@ -98,14 +98,14 @@ def _variable_pattern(
     return pattern
 
 
-def coupled_count(model: Model) -> int:
+def coupled_state_count(model: Model) -> int:
     """Return how many of the first numbers of y the rates depend on; those behind are integrals along the motion."""
-    m, states = _with_few_links(model), shown_states(model)
-    columns = _variable_pattern(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
+    m, states = _with_few_links(model), state_outputs(model)
+    columns = _variable_pattern(m.derivatives, state_outputs(m), {1: state_outputs(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
-def shown_states(model: Model) -> tuple[Variable, ...]:
+def state_outputs(model: Model) -> tuple[Variable, ...]:
     """Return the output variables that show the states, in the order of y."""
     named = {variable.name: variable for variable in model.outputs}
     return tuple(named[state.name] for state in model.states)
@@ -116,20 +116,20 @@ def states_that_jump(model: Model) -> set[str]:
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
     m = _with_few_links(model)
-    states = shown_states(m)
+    states = state_outputs(m)
     pattern = _variable_pattern(m.jump, states, {1: states, 2: m.inputs})
     pattern[np.diag_indices(len(states))] = False
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
 
 
-def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
+def event_outputs(model: Model) -> tuple[set[str], set[str]]:
     """Return names of the outputs that change at events only, and of these with all that depend on them.
 
     Contacts decide them from everything, at an event and at the start.
     """
     if not model.contacts:
         return set(), set()
-    own = tuple(f"{split(contact.name)[0]}_" for contact in model.contacts)
+    own = tuple(f"{array_and_index(contact.name)[0]}_" for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
     rows = _jacobian_pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]

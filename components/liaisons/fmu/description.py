@@ -19,16 +19,16 @@ from scipy.sparse import csr_array
 from liaisons.base import units
 from liaisons.base.version import __version__
 from liaisons.fmu.dependencies import (
-    decided_at_events,
+    event_outputs,
     initial_dependencies,
     initial_outputs,
     jacobian_sparsity,
     running_dependencies,
     running_outputs,
-    shown_states,
+    state_outputs,
     states_that_jump,
 )
-from liaisons.fmu.jumps import states_moved_along
+from liaisons.fmu.jumps import states_moved_by_jumps
 from liaisons.fmu.layout import (
     RECONSTRUCTION,
     TIME,
@@ -36,7 +36,7 @@ from liaisons.fmu.layout import (
     first_reference,
     index_ranges,
     scalar_count,
-    settings,
+    settings_by_reference,
     size_references,
     start_vectors,
 )
@@ -229,7 +229,7 @@ def _nominals(model: Model) -> dict[str, list[float]]:
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
     usable = iter(float(f"{size:.6g}") if 0 < size < np.inf else 1.0 for size in sizes)
-    return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
+    return {state.name: [next(usable) for _ in range(state.count)] for state in state_outputs(model)}
 
 
 def _model_structure_groups(
@@ -252,7 +252,7 @@ def _model_structure_groups(
     rates = [state.derivative for state in model.states]
     at_start = {*outputs, *rates, *(state.name for state in model.states)}
     initial = [v.name for v in model.outputs if v.name in at_start or v.causality == "calculatedParameter"]
-    at_events, initially = decided_at_events(model)
+    at_events, initially = event_outputs(model)
     groups = (
         (outputs, running, at_events),
         (rates, running, at_events),
@@ -290,7 +290,7 @@ def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
         attributes = _size_attributes(size, sizes[size.name], *causality)
         yield from _variable_element(fmi, kind, attributes, dict.fromkeys(numbers, str(size.count)))
     references, nominals = _value_references(model, fmi), _nominals(model)
-    jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
+    jumping = states_that_jump(model) | states_moved_by_jumps(model) if backend == "native" else set()
     for variable in model.variables:
         more = {"reinit": "true"} if variable.name in jumping else {}
         if fmi == "3" and variable.variability == "continuous":
@@ -309,7 +309,7 @@ def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
         attributes = _general_attributes(TIME, references[TIME.name].start) | {"causality": "independent"}
         del attributes["initial"]
         yield from _variable_element(fmi, "Real", attributes, _real_attributes(TIME, 1.0))
-    for reference, setting in settings(model, fmi).items():
+    for reference, setting in settings_by_reference(model, fmi).items():
         if backend == "native" or setting is RECONSTRUCTION:
             attributes = _general_attributes(setting.variable, reference)
             numbers = {"min": "0", "max": str(setting.most), "start": str(setting.start)}
@@ -346,7 +346,7 @@ def _value_references(model: Model, fmi: Fmi) -> dict[str, range]:
 
 def _model_structure(model: Model, fmi: Fmi) -> Iterator[str]:
     """Yield the unknowns in ModelStructure; in FMI 2.0 in groups."""
-    references, states = _value_references(model, fmi), shown_states(model)
+    references, states = _value_references(model, fmi), state_outputs(model)
     if fmi == "3":
         running = (TIME, *states, *model.inputs, *model.parameters), csr_array(running_dependencies(model))
         starting = (TIME, *model.inputs, *model.parameters), csr_array(initial_dependencies(model))

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.fmu.dependencies import coupled_count, shown_states
+from liaisons.fmu.dependencies import coupled_state_count, state_outputs
 from liaisons.fmu.layout import index_ranges
 from liaisons.language import Variable
 from liaisons.mechanics.functions import results_of
@@ -64,7 +64,7 @@ def jump_effects(model: Model) -> Jumps:
     numbers = [i for a in model.active for i in zip(inputs[a.rate], inputs[a.acceleration], strict=True)]
     a, states = len(numbers), model.start.numel_out(0)
     moves, moved = np.zeros(a, dtype=bool), np.zeros(states, dtype=bool)
-    size = coupled_count(model) if 0 < a <= _MOST else 0
+    size = coupled_state_count(model) if 0 < a <= _MOST else 0
     samples = _valid_samples(model, size) if 0 < a <= _MOST else []
     if a and len(samples) < _SAMPLES:  # unknown
         return Jumps(moves, np.broadcast_to(True, (a, a)), moved)
@@ -85,16 +85,16 @@ def jump_effects(model: Model) -> Jumps:
     return Jumps(moves, mixes, moved)
 
 
-def jump_table(model: Model) -> list[list[int]]:
+def jump_flags(model: Model) -> list[list[int]]:
     """Return flags for the runtime (JUMPS, MIXES of core.h), a row a number; none where jumps move no states."""
     effects = jump_effects(model)
     return (np.diag(effects.moves.astype(int)) + 2 * effects.mixes).tolist() if effects.move_states else []
 
 
-def states_moved_along(model: Model) -> set[str]:
+def states_moved_by_jumps(model: Model) -> set[str]:
     """Return names of the states that a jump of a prescribed coordinate moves."""
     effects = jump_effects(model)
-    states = index_ranges(shown_states(model)) if effects.move_states else {}
+    states = index_ranges(state_outputs(model)) if effects.move_states else {}
     return {name for name, indices in states.items() if effects.moved[indices].any()}
 
 

@@ -104,7 +104,7 @@ def first_reference(model: Model) -> int:
     return 1 + len(model.dimensions)
 
 
-def settings(model: Model, fmi: Fmi) -> dict[int, Setting]:
+def settings_by_reference(model: Model, fmi: Fmi) -> dict[int, Setting]:
     """Return the settings of a model's native FMU, by value reference."""
     first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
     solvers = [SYMPLECTIC_STEPS, STIFF_SOLVER] * bool(model.states)

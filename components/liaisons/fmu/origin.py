@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from xml.sax.saxutils import quoteattr
 
-from liaisons.base.published import publisher
+from liaisons.base.published import publishing_package
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
 from liaisons.mechanics.model import Model
@@ -29,7 +29,7 @@ def provenance(model: Model) -> dict[str, str]:
     :raises BuildError: if SOURCE_DATE_EPOCH is no number of seconds.
     """
     ours = f"{model.module}.".startswith("liaisons.models.")
-    package = metadata.distribution("liaisons") if ours else publisher(model.module)
+    package = metadata.distribution("liaisons") if ours else publishing_package(model.module)
     about = {} if package is None else package.metadata.json
     attributes = {
         "author": about.get("author") or about.get("author_email"),

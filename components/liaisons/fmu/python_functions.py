@@ -36,7 +36,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import RK45
 
-from liaisons.fmu.dependencies import coupled_count
+from liaisons.fmu.dependencies import coupled_state_count
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import mismatch_index
 from liaisons.language import Variable
@@ -218,7 +218,7 @@ def _mismatch_and_jump(
 def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """Return dy/dx of (x, y) by jumps up to u, 0 <= x <= 1."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
-    count, jump = coupled_count(model), n.jump
+    count, jump = coupled_state_count(model), n.jump
 
     def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
         resting = n.u + (x - 1) * ca.mtimes(values, jump)

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.companion import CITATION
 from liaisons.errors import ComponentError, ProjectError, suggestion
 from liaisons.formulas import symbolic
@@ -72,7 +72,7 @@ class DisplayedEquations:
             if name not in self.prescribed:
                 raise ProjectError(f"{self.name} prescribes no {name!r}{suggestion(name, self.prescribed)}")
         resting = {name for name in names if self.prescribed[name] == 0}
-        resting |= {suffixed(name, end) for name in names for end in ("_dot", "_ddot")}
+        resting |= {suffixed_name(name, end) for name in names for end in ("_dot", "_ddot")}
         remaining = tuple(
             replace(equation, right=_vanishing(equation.right, resting))
             for equation in self.equations

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import named, with_settings
+from liaisons.base.arguments import name_dictionary, with_settings
 from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
 from liaisons.fmu.calls import Call
 from liaisons.gymnasium.task import Floats, Task
@@ -91,7 +91,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         super().reset(seed=seed)
         drawn = {name: self.np_random.uniform(low, high) for name, (low, high) in self.task.randomize.items()}
-        self._begin_episode({**drawn, **named("options", options or {})})
+        self._begin_episode({**drawn, **name_dictionary("options", options or {})})
         self._observed = self._evaluate_measures()[:-2]
         return self._observed.copy(), self._energy_balances()
 

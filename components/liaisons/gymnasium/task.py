@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import chosen, listed, named, numbers, positive, shown
+from liaisons.base.arguments import check_choice, check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.port_names import port_names
 from liaisons.errors import InvalidValueError
 from liaisons.expressions.formulas import formula
@@ -60,19 +60,22 @@ class Task:
     render_mode: str | None = None
 
     def __post_init__(self) -> None:
-        for label, names in (("observe", listed("observe", self.observe)), ("act", named("act", self.act))):
+        for label, names in (
+            ("observe", name_list("observe", self.observe)),
+            ("act", name_dictionary("act", self.act)),
+        ):
             if not names:
                 raise InvalidValueError(f"{label} = {shown(names)}: give one name at least")
         most = float(np.finfo(np.float32).max)  # numbers of Box
-        for name, pair in (*self.act.items(), *named("randomize", self.randomize).items()):
-            ends = numbers(name, pair)
+        for name, pair in (*self.act.items(), *name_dictionary("randomize", self.randomize).items()):
+            ends = float_array(name, pair)
             if ends.shape != (2,) or not -most <= ends[0] < ends[1] <= most:
                 words = f"give (low, high), low < high, as far as {most:.2g}"
                 raise InvalidValueError(f"range of {name} = {shown(pair)}: {words}")
-        positive("step_size", self.step_size)
+        check_positive("step_size", self.step_size)
         if not self.stop_time > self.step_size:
             raise InvalidValueError(f"stop_time = {self.stop_time!r}: must be greater than step_size")
-        chosen("render_mode", self.render_mode or "rgb_array", ["rgb_array"])
+        check_choice("render_mode", self.render_mode or "rgb_array", ["rgb_array"])
         if len({port[0] for port in self.act_ports}) < len(self.act):
             raise InvalidValueError(f"act = {shown(self.act)}: a coordinate is moved twice; leave one out")
 
@@ -91,7 +94,7 @@ class Task:
 
         :raises InvalidValueError: for another shape, or a value outside its range in single precision.
         """
-        values, space = numbers("action", action), self.action_space
+        values, space = float_array("action", action), self.action_space
         if values.shape != (shape := (*copies, *space.shape)):
             raise InvalidValueError(f"action has shape {values.shape}; give {shape}: {', '.join(self.act)}")
         if not ((space.low <= np.float32(values)) & (np.float32(values) <= space.high)).all():
@@ -114,5 +117,5 @@ class Task:
         :raises FormulaError: for an error in a formula; with its position, and the nearest name.
         """
         symbols = {name.replace(".", "·"): expression for name, expression in signals.items()}
-        texts = (*listed("observe", self.observe), self.reward, self.stop)
+        texts = (*name_list("observe", self.observe), self.reward, self.stop)
         return ca.vertcat(*(formula(_DOT.sub("·", text), symbols) for text in texts))

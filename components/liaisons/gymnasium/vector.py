@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import numbers, whole
+from liaisons.base.arguments import check_integer, float_array
 from liaisons.ensembles.members import Members
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import domain_gaps, right_hand_side, settable, smooth_model
@@ -45,7 +45,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         model = smooth_model(declared, "a VectorEnvironment", "take Environment, which runs its FMU", contacts=True)
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
-        whole("num_envs", num_envs)
+        check_integer("num_envs", num_envs)
         if num_envs > _MOST_COPIES:
             raise InvalidValueError(f"num_envs = {num_envs}: more than memory holds; {_MOST_COPIES} at most")
         self.task, self.title, self.num_envs = one.task, one.title, (num_envs := int(num_envs))
@@ -59,7 +59,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         values = {name: variable.starts[0] for name, variable in variables.items()} | dict(self.task.start_values)
         self._common = [name for name in self.task.start_values if name not in self._names]
         self._first, self._shared = (
-            np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1)
+            np.array([float_array(name, values[name]) for name in names]).reshape(-1, 1)
             for names in (self._names, self._common)
         )
         (self._create_instances if model.contacts else self._compile_ensemble)(model)

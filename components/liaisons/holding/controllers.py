@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.base.arguments import finite, merged, positive, shown
+from liaisons.base.arguments import check_finite, check_positive, merged_start_values, shown
 from liaisons.base.logs import ignored_warnings
 from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
@@ -137,7 +137,7 @@ class Controller:
         :param start_values: start values that differ from the reference trajectory: of the mechanism, ``theta_0=3.3``,
             and of σ, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._connected_system(merged(self.name, start_values, keywords, PlanError), announced=True)
+        return self._connected_system(merged_start_values(self.name, start_values, keywords, PlanError), announced=True)
 
     def _connected_system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
         """:meth:`system`; if announced, regulators tell samples to importers that choose their communication points."""
@@ -217,7 +217,7 @@ class Controller:
         :raises PlanError: unless it is a number greater than 0.
         :raises SimulationError: if they do not fit into memory.
         """
-        positive("stop_time", stop_time, PlanError)
+        check_positive("stop_time", stop_time, PlanError)
         check_memory(0.0, stop_time, self.step_size, len(self.states))
         trajectory = self.trajectory
         if trajectory.after == "repeats":
@@ -246,9 +246,9 @@ class Controller:
         :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
         ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
-        starts = merged(self.name, start_values, keywords, PlanError)
+        starts = merged_start_values(self.name, start_values, keywords, PlanError)
         for name, value in starts.items():
-            finite(f"{self.name}: {name}", value, PlanError)
+            check_finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._default_stop if stop_time is None else stop_time
         times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
@@ -299,11 +299,11 @@ class Controller:
         """
         if port not in self.ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, self.ports)}")
-        positive("survives: duration", duration, PlanError)
+        check_positive("survives: duration", duration, PlanError)
         ends = self.trajectory.after == "ends"
         settled = self.duration if ends else max(self.duration, duration) + self._settling
         stop = settled if stop_time is None else stop_time
-        positive("survives: stop_time", stop, PlanError)
+        check_positive("survives: stop_time", stop, PlanError)
         if stop <= duration:
             raise PlanError(
                 f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"
@@ -311,7 +311,7 @@ class Controller:
         coordinate = port.removesuffix("_force").removesuffix("_load")
         usual = self.energy / by_name(self.states, self.sizes).get(coordinate, 1.0)
         high = 1e-3 * usual if first is None else first
-        positive("survives: first", high, PlanError)
+        check_positive("survives: first", high, PlanError)
         free = [self.states.index(name) for name in self.free if name not in self.moves]
 
         def returns(force: float) -> bool:

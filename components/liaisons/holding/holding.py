@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.base.arguments import finite, merged, named, positive, shown
+from liaisons.base.arguments import check_finite, check_positive, merged_start_values, name_dictionary, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
 from liaisons.holding.controllers import After, Controller, ReferenceTrajectory
@@ -102,9 +102,11 @@ def hold(
     :raises PlanError: if the mechanism is not in equilibrium, or a state is not controllable, or with ``measured`` not
         observable; the state is named.
     """
-    values = merged("hold", start_values, keywords, PlanError)
-    positive("effort", effort, PlanError)
-    criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
+    values = merged_start_values("hold", start_values, keywords, PlanError)
+    check_positive("effort", effort, PlanError)
+    criterion = _Criterion(
+        name_dictionary("weights", weights or {}, PlanError), effort, name_dictionary("bounds", bounds or {}, PlanError)
+    )
     sampled, H = sampled_subject("hold", motion, at, moves, step_size, values)
     planned = isinstance(motion, Plan)
     controller = _hold_along(motion, sampled, H, criterion) if planned else _hold_at_rest(sampled, H, criterion)
@@ -156,7 +158,7 @@ class _Criterion:
         for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
-            finite(f"weight of {name}", weight, PlanError)
+            check_finite(f"weight of {name}", weight, PlanError)
             if weight < 0:
                 raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
             cost[name] = weight

@@ -14,7 +14,7 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from liaisons.base.arguments import listed, merged, named, positive
+from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import ignored_warnings
 from liaisons.check import Verdict, verdict
@@ -81,7 +81,7 @@ def observe(
     :raises PlanError: for an unknown name, a number that is not greater than 0, a mechanism that is not in equilibrium,
         a plan that jumps, or a state that is not observable; it is named.
     """
-    values = merged("observe", start_values, keywords, PlanError)
+    values = merged_start_values("observe", start_values, keywords, PlanError)
     sampled, H = sampled_subject("observe", motion, at, moves, step_size, values)
     if not sampled.names:
         raise PlanError(f"{sampled.name} has no state that {', '.join(sampled.moves)} move: nothing is to be observed")
@@ -90,12 +90,12 @@ def observe(
     def elements(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
         """Standard deviations by scalars, from those of scalars, arrays and orientations."""
         scalars: dict[str, float] = {}
-        for name, value in named(f"observe: {label}", {} if values is None else values, PlanError).items():
-            positive(f"{sampled.name}: {label} of {name}", value, PlanError)
+        for name, value in name_dictionary(f"observe: {label}", {} if values is None else values, PlanError).items():
+            check_positive(f"{sampled.name}: {label} of {name}", value, PlanError)
             scalars |= values_by_element(label, dict.fromkeys(quaternions.get(name, [name]), value), names)
         return scalars
 
-    chosen = elements("measured", dict.fromkeys(listed("measured", measured, PlanError), 1))
+    chosen = elements("measured", dict.fromkeys(name_list("measured", measured, PlanError), 1))
     noises, biases = elements("noise", noise), elements("bias", bias)
     if chosen.keys() != noises.keys() or not biases.keys() <= chosen.keys() or not chosen:
         texts = (", ".join(group) or "nothing" for group in (chosen, noises, biases))
@@ -249,7 +249,7 @@ class Observer:
 
         :param start_values: start values of the mechanism that differ; ``keywords`` are further ones.
         """
-        starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
+        starts, sampled = merged_start_values(self.name, start_values, keywords, PlanError), self.model.sampled
         if self.motion is None:
             system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
             settings: dict[str, Any] = sampled.start_values | starts

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import expm
 
-from liaisons.base.hermite import coefficients
+from liaisons.base.hermite import coefficient_matrix
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import closure
 from liaisons.holding.feedback import Step, image, spectral_radius
@@ -29,7 +29,7 @@ from liaisons.planning.transcription import runge_kutta
 
 _DERIVATIVE = ca.DM(np.diag(np.arange(1, 6), 1))
 """Derivative of a polynomial: a row of powers times this matrix."""
-_HERMITE = coefficients(3)
+_HERMITE = coefficient_matrix(3)
 """Quintic Hermite interpolation: value, rate and acceleration at 0 and 1 -> coefficients."""
 
 

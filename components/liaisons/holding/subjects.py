@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import named, numbers, positive, shown
+from liaisons.base.arguments import check_positive, float_array, name_dictionary, shown
 from liaisons.errors import PlanError
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.library import Target, component
@@ -72,7 +72,7 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     :raises PlanError: if it is not in equilibrium.
     """
     if step_size is not None:
-        positive("step_size", step_size, PlanError)
+        check_positive("step_size", step_size, PlanError)
         duration_range(step_size, "step_size")
     if isinstance(motion, Plan):
         if motion.goal.phases:
@@ -87,8 +87,8 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
         raise PlanError(
             f"{caller}: no equilibrium and no plan: give a mechanism and at={{name: value, ...}}, or a plan"
         )
-    for name, value in named("at", at, PlanError).items():
-        if not np.all(np.isfinite(numbers(f"at: {name}", value, PlanError))):
+    for name, value in name_dictionary("at", at, PlanError).items():
+        if not np.all(np.isfinite(float_array(f"at: {name}", value, PlanError))):
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
     usual = component(motion).experiment.step_size
     H = usual if step_size is None else step_size

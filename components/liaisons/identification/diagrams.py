@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.stats import chi2, f, norm
 
-from liaisons.base.arguments import as_path, listed
-from liaisons.base.array_names import split
+from liaisons.base.arguments import as_path, name_list
+from liaisons.base.array_names import array_and_index
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
 from liaisons.identification.replaying import replays
 from liaisons.results import Result
-from liaisons.results.figures import new_figure, save
+from liaisons.results.figures import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,8 +46,8 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     """
     tables = _tables(fit.estimate)
     units = {name: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
-    arrays = {split(name)[0]: unit for name, unit in units.items()}
-    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [
+    arrays = {array_and_index(name)[0]: unit for name, unit in units.items()}
+    chosen = [name for group in names for name in name_list("plot", group, IdentificationError)] or [
         *arrays,
         *dict.fromkeys(name for e, _ in tables for name in e.measurements.instants),
     ]
@@ -59,7 +59,12 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     figure.set_size_inches(10.0, 1.0 + 4.0 * len(chosen))
     diagrams = figure.subplots(2 * len(chosen), 1, sharex=True, height_ratios=[3, 1] * len(chosen))
     for name, above, below in zip(chosen, diagrams[::2], diagrams[1::2], strict=True):
-        own = [(e, table, row) for e, table in tables for row in e.measurements.signals if name in {row, split(row)[0]}]
+        own = [
+            (e, table, row)
+            for e, table in tables
+            for row in e.measurements.signals
+            if name in {row, array_and_index(row)[0]}
+        ]
         for i, (experiment, table, row) in enumerate(own):
             color, times = f"C{i}", table.time
             dense, curve, low, high = _fitted_curve(fit.estimate, experiment, row)
@@ -184,5 +189,5 @@ def _draw_instants(above: Axes, below: Axes, data: Measurements, name: str, time
 def _save_figure(figure: Figure, path: Path | str | None) -> Figure:
     """Save a figure if there is a path, and return the figure."""
     if path is not None:
-        save(figure, as_path("path", path))
+        save_figure(figure, as_path("path", path))
     return figure

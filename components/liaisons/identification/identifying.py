@@ -12,9 +12,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons import interface
-from liaisons.base.arguments import as_path, chosen, finite, listed, merged, named, positive, shown, whole
-from liaisons.base.array_names import split
-from liaisons.base.files import beside, toml_arguments
+from liaisons.base.arguments import (
+    as_path,
+    check_choice,
+    check_finite,
+    check_integer,
+    check_positive,
+    merged_start_values,
+    name_dictionary,
+    name_list,
+    shown,
+)
+from liaisons.base.array_names import array_and_index
+from liaisons.base.files import file_beside, read_toml_arguments
 from liaisons.cosim import System
 from liaisons.ensembles.right_hand_sides import operator_models, settable, smooth_model
 from liaisons.errors import IdentificationError, suggestion
@@ -96,15 +106,15 @@ def identify(
         has the fit reached so far as ``fit``.
     :raises SimulationError: if the motion cannot start.
     """
-    names = listed("unknown", unknown, IdentificationError)
-    values = dict(merged("identify", start_values, keywords, IdentificationError))
-    chosen("loss", loss, tuple(LOSSES), IdentificationError)
-    positive("tolerance", tolerance, IdentificationError)
-    positive("time_limit", time_limit, IdentificationError)
+    names = name_list("unknown", unknown, IdentificationError)
+    values = dict(merged_start_values("identify", start_values, keywords, IdentificationError))
+    check_choice("loss", loss, tuple(LOSSES), IdentificationError)
+    check_positive("tolerance", tolerance, IdentificationError)
+    check_positive("time_limit", time_limit, IdentificationError)
     deadline = time.monotonic() + time_limit
-    finite("start_time", start_time, IdentificationError)
+    check_finite("start_time", start_time, IdentificationError)
     if segments is not None:
-        whole("segments", segments, IdentificationError)
+        check_integer("segments", segments, IdentificationError)
     model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
@@ -119,7 +129,7 @@ def identify(
             )
     variables = settable(model, operator_models(model, operators, IdentificationError))
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
-    unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
+    unknowns = _Unknowns(variables, len(experiments), names, name_list("each", each, IdentificationError))
     starts = unknowns.by_element("start_values", values)
     unsure = noise is None and any(experiment.signals for experiment in experiments)
     levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
@@ -174,9 +184,9 @@ def identify_from_file(path: Path | str) -> Fit:
     """
     path = as_path("path", path, IdentificationError)
     keys = {*inspect.signature(identify).parameters} - {"keywords"}
-    arguments = toml_arguments(path, keys, _EXAMPLES, IdentificationError)
-    subject = beside(path, str(arguments.pop("subject")))
-    data = [beside(path, name) for name in listed(f"{path}: data", arguments.pop("data"), IdentificationError)]
+    arguments = read_toml_arguments(path, keys, _EXAMPLES, IdentificationError)
+    subject = file_beside(path, str(arguments.pop("subject")))
+    data = [file_beside(path, name) for name in name_list(f"{path}: data", arguments.pop("data"), IdentificationError)]
     return identify(interface.System.from_ssp(subject) if subject.endswith(".ssp") else subject, data, **arguments)
 
 
@@ -211,7 +221,7 @@ class _Unknowns:
 
     def _elements(self, label: str, name: str) -> list[str]:
         """Names of the variables that a name stands for: itself, or the elements of an array."""
-        elements = [one for one in self.variables if name in {one, split(one)[0]}]
+        elements = [one for one in self.variables if name in {one, array_and_index(one)[0]}]
         if not elements:
             raise IdentificationError(f"{label}: no value is called {name!r}{suggestion(name, self.variables)}")
         return elements
@@ -225,7 +235,7 @@ class _Unknowns:
             if len(several) not in {1, len(elements)}:
                 raise IdentificationError(f"{label}: {name} has {len(several)} numbers; give 1 or {len(elements)}")
             for one, number in zip(elements, several * (len(elements) // len(several)), strict=True):
-                finite(f"{label}: {one}", number, IdentificationError)
+                check_finite(f"{label}: {one}", number, IdentificationError)
                 if not self.variables[one].allows(number):
                     domain = self.variables[one].domain()
                     raise IdentificationError(f"{label}: {one} = {number:g}: must be {domain}")
@@ -234,7 +244,7 @@ class _Unknowns:
 
     def _pairs_of_unknowns(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
         """Yield index, name and pair of numbers of each unknown that a mapping has."""
-        for name, value in named(label, values, IdentificationError).items():
+        for name, value in name_dictionary(label, values, IdentificationError).items():
             elements = self._elements(label, name)
             if missing := [element for element in elements if element not in self.names]:
                 raise IdentificationError(f"{label}: {missing[0]} is not unknown{suggestion(missing[0], self.names)}")
@@ -254,7 +264,7 @@ class _Unknowns:
         for i, name, (low, high) in self._pairs_of_unknowns("bounds", bounds):
             for end in (low, high):
                 if end is not None:
-                    finite(f"bounds: {name}", end, IdentificationError)
+                    check_finite(f"bounds: {name}", end, IdentificationError)
             if None not in (low, high) and not low < high:
                 raise IdentificationError(f"bounds: {name} = {shown((low, high))}: the first must be less")
             least, most = ends[i]
@@ -265,14 +275,14 @@ class _Unknowns:
     def priors(self, prior: Mapping[str, tuple[float, float]]) -> Iterator[Prior]:
         """Yield the priors of unknowns."""
         for i, name, (mean, deviation) in self._pairs_of_unknowns("prior", prior):
-            finite(f"prior: mean of {name}", mean, IdentificationError)
-            positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
+            check_finite(f"prior: mean of {name}", mean, IdentificationError)
+            check_positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
             yield Prior(i, mean, deviation)
 
 
 def _output_with_start(name: str) -> str:
     """Name of the output whose start value is a parameter: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
-    base, _ = split(name)
+    base, _ = array_and_index(name)
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 
 

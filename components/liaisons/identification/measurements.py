@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_lsq_spline
 
-from liaisons.base.arguments import listed, named, numbers, positive, shown
-from liaisons.base.array_names import split
-from liaisons.base.files import csv_cells
-from liaisons.base.knots import curve, knots
-from liaisons.base.units import in_si
+from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
+from liaisons.base.array_names import array_and_index
+from liaisons.base.files import read_csv_cells
+from liaisons.base.knots import knots, piecewise_polynomial
+from liaisons.base.units import size_in_si
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.determinacy import Floats
 from liaisons.mechanics.model import Model
@@ -85,12 +85,12 @@ def measurements(
     :raises IdentificationError: for an unusable column or cell; the message names it and its row.
     """
     if smoothing is not None:
-        positive("smoothing", smoothing, IdentificationError)
-    flat, ignored = model.flat(), listed("ignore", ignore, IdentificationError)
+        check_positive("smoothing", smoothing, IdentificationError)
+    flat, ignored = model.flat(), name_list("ignore", ignore, IdentificationError)
     outputs = [variable.name for variable in flat.outputs]
-    chosen = outputs if measured is None else listed("measured", measured, IdentificationError)
+    chosen = outputs if measured is None else name_list("measured", measured, IdentificationError)
     for name in chosen:
-        if name not in {*outputs, *(split(output)[0] for output in outputs)}:
+        if name not in {*outputs, *(array_and_index(output)[0] for output in outputs)}:
             raise IdentificationError(f"measured: {model.name} has no output {name!r}{suggestion(name, outputs)}")
     if isinstance(data, (list, tuple)) and not data:
         raise IdentificationError("data: an empty list; give one table at least")
@@ -128,15 +128,17 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
     :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
     """
     levels = noise if isinstance(noise, Mapping) else dict.fromkeys(experiment.signals, noise)
-    names = {name for signal in experiment.signals for name in (signal, split(signal)[0])}
+    names = {name for signal in experiment.signals for name in (signal, array_and_index(signal)[0])}
     for name, level in levels.items():
-        positive(f"noise: {name}", level, IdentificationError)
+        check_positive(f"noise: {name}", level, IdentificationError)
         if name not in names:
             raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{suggestion(name, names)}")
     for name in experiment.signals:
         if not _is_among(name, levels):
             raise IdentificationError(f"noise: {name} is missing; measured=[...] names what is fitted")
-    return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
+    return np.array(
+        [levels.get(name, levels.get(array_and_index(name)[0])) for name in experiment.signals], dtype=float
+    )
 
 
 def _by_experiment(instants: object, count: int) -> Sequence[object]:
@@ -149,13 +151,13 @@ def _by_experiment(instants: object, count: int) -> Sequence[object]:
 
 def _instants(instants: object, outputs: Sequence[str], start: float) -> Iterator[tuple[str, tuple[Floats, float]]]:
     """Yield instants of impacts, none before the start [s], and their standard deviation, by the output that counts."""
-    counts = [name for name in outputs if split(name)[0].endswith("_impacts")]
-    for name, pair in named("instants", instants, IdentificationError).items():
+    counts = [name for name in outputs if array_and_index(name)[0].endswith("_impacts")]
+    for name, pair in name_dictionary("instants", instants, IdentificationError).items():
         if name not in counts:
             raise IdentificationError(f"instants: no output {name!r} counts impacts{suggestion(name, counts)}")
         if not isinstance(pair, (list, tuple)) or len(pair) != 2:
             raise IdentificationError(f"instants: {name} = {shown(pair)}: give (instants, standard deviation)")
-        times = numbers(f"instants: {name}", pair[0], IdentificationError)
+        times = float_array(f"instants: {name}", pair[0], IdentificationError)
         seen = times[np.isfinite(times)]
         if times.ndim != 1 or not seen.size or np.isinf(times).any() or (np.diff(seen) <= 0).any():
             raise IdentificationError(f"instants: {name} = {shown(pair[0])}: give instants [s] in ascending order")
@@ -163,7 +165,7 @@ def _instants(instants: object, outputs: Sequence[str], start: float) -> Iterato
             raise IdentificationError(
                 f"instants: {name} = {seen[0]:g} s: the motion begins at {start:g} s; leave it out"
             )
-        positive(f"instants: standard deviation of {name}", pair[1], IdentificationError)
+        check_positive(f"instants: standard deviation of {name}", pair[1], IdentificationError)
         yield name, (times, float(pair[1]))
 
 
@@ -192,7 +194,7 @@ def _cell_number(cell: object, row: str) -> float:
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
     """Whether an element or its array is among the names."""
-    return not {name, split(name)[0]}.isdisjoint(chosen)
+    return not {name, array_and_index(name)[0]}.isdisjoint(chosen)
 
 
 def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
@@ -211,7 +213,7 @@ def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], ro
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
             numbers = np.array([_cell_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse_rows(np.isinf(numbers), rows, "finite numbers only")
-            values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
+            values[name] = numbers * (size_in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
 
@@ -237,7 +239,7 @@ def _driven_inputs(  # noqa: PLR0917
                 raise ValueError("it moves, and is unknown; ignore it, or give it")
             if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
                 table = _spline_knots(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
-                yield name, curve(table)
+                yield name, piecewise_polynomial(table)
 
 
 def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
@@ -255,7 +257,7 @@ def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
 def _table(data: object) -> tuple[str, _Columns, list[str]]:
     """Title, columns and row labels of a table."""
     if isinstance(data, (str, PathLike)):
-        headings, below, lines = csv_cells(Path(data), IdentificationError)
+        headings, below, lines = read_csv_cells(Path(data), IdentificationError)
         if not headings:
             raise IdentificationError(f"{data}: empty; its first line has to name columns, one of them time")
         columns = zip(*lines.values(), strict=True) if lines else [[]] * len(headings)

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.derivatives.contact_motion import Branch, ContactMotion
 from liaisons.derivatives.subjects import Motion, motion_of
 from liaisons.errors import SimulationError
@@ -330,7 +330,7 @@ def smoothed_values(data: Measurements, output: str, edges: Sequence[int], other
     :param edges: indices of the times.
     :param otherwise: values to return if neither the output nor its integral was measured.
     """
-    name, _ = split(output)
+    name, _ = array_and_index(output)
     base = name.removesuffix("_dot") + output[len(name) :]
     signal = output if output in data.signals else base
     if signal not in data.signals:

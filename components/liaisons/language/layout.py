@@ -8,7 +8,7 @@ from functools import partial
 from typing import Self
 
 from liaisons.base import units
-from liaisons.base.array_names import split, suffixed
+from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.language.declarations import InternalState
 from liaisons.language.variables import (
     ActiveInput,
@@ -76,12 +76,16 @@ class Layout:
         def arrays(variables: Iterable[Variable]) -> tuple[Variable, ...]:
             groups: dict[str, list[Variable]] = {}
             for variable in variables:
-                groups.setdefault(split(variable.name)[0], []).append(variable)
+                groups.setdefault(array_and_index(variable.name)[0], []).append(variable)
             return tuple(_joined(name, group, dimensions) for name, group in groups.items())
 
-        states = dict.fromkeys(State(*(split(name)[0] for name in state)) for state in self.states)
+        states = dict.fromkeys(State(*(array_and_index(name)[0] for name in state)) for state in self.states)
         ports = dict.fromkeys(
-            Terminal(split(p.name)[0], p.kind, tuple(TerminalMember(m.role, split(m.variable)[0]) for m in p.members))
+            Terminal(
+                array_and_index(p.name)[0],
+                p.kind,
+                tuple(TerminalMember(m.role, array_and_index(m.variable)[0]) for m in p.members),
+            )
             for p in self.ports
         )
         return replace(
@@ -103,7 +107,7 @@ def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Di
         name=name,
         description=first.description.replace("[1]", ""),
         start=None if first.start is None else tuple(x for item in elements for x in item.starts),
-        derivative_of=first.derivative_of and split(first.derivative_of)[0],
+        derivative_of=first.derivative_of and array_and_index(first.derivative_of)[0],
         dimension=dimensions[len(elements)],
     )
 
@@ -123,14 +127,14 @@ zero_sum = partial(zero, variability="discrete")
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
     """The rate of a state, where it is no output."""
-    own = suffixed(name, "_dot")
+    own = suffixed_name(name, "_dot")
     return readable(own, unit, text, causality="local", derivative_of=name, dimension=dimension)
 
 
 def start(name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None) -> Variable:
     """Parameter of an initial value without a declaration."""
     text = f"initial value of {name}"
-    return Variable(suffixed(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
+    return Variable(suffixed_name(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
 
 
 def of_internal(state: InternalState) -> Iterator[Variable]:
@@ -147,6 +151,6 @@ def start_of_internal(state: InternalState) -> Variable:
 def port(name: str, unit: str, kind: TerminalKind, *, impulse: bool = True) -> Terminal:
     """The terminal of a mechanical connection: position, rate, acceleration, force or load, and impulses."""
     endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load", *["_impulse"] * impulse)
-    variables = [suffixed(name, ending) for ending in endings]
+    variables = [suffixed_name(name, ending) for ending in endings]
     roles = _ROTATION if unit == "rad" else _TRANSLATION
     return Terminal(name, kind, tuple(map(TerminalMember, roles, variables)))

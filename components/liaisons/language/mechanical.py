@@ -11,7 +11,7 @@ from typing import Literal
 import casadi as ca
 
 from liaisons.base import units
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
@@ -134,7 +134,7 @@ class MechanicalComponent(Component, abstract=True):
         """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
         start, end = _AFFIXES[kind]
         return [
-            *(start + suffixed(q.name, end) for q in self.coordinates),
+            *(start + suffixed_name(q.name, end) for q in self.coordinates),
             *(name for item in self.orientations for name in getattr(item, kind)),
         ]
 
@@ -149,7 +149,7 @@ class MechanicalComponent(Component, abstract=True):
             inputs=tuple(self._inputs(units_at)),
             outputs=(*self._motion_outputs(), *self._dynamics_outputs()),
             states=(
-                *(State(name, suffixed(name, "_dot")) for name in moving),
+                *(State(name, suffixed_name(name, "_dot")) for name in moving),
                 State("work", "power"),
                 State("dissipated", "dissipation"),
             ),
@@ -169,10 +169,10 @@ class MechanicalComponent(Component, abstract=True):
         """Start values of configuration, and rates or momenta."""
         size = self.dimension
         for q in self.coordinates:
-            position = q.variable("parameter", "fixed", suffixed(q.name, "_0"))
+            position = q.variable("parameter", "fixed", suffixed_name(q.name, "_0"))
             text = f"{q.description}, at the start"
             yield replace(position, description=text, start=q.leading or q.start, dimension=size)
-            yield layout.start(suffixed(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size)
+            yield layout.start(suffixed_name(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size)
         for orientation in self.orientations:
             by_rate = orientation.start == "rate"
             names, unit = (orientation.rates, "rad/s") if by_rate else (orientation.momenta, "kg.m2/s")
@@ -197,11 +197,11 @@ class MechanicalComponent(Component, abstract=True):
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
             text = f"generalised force on this mechanism {along} (K eq. 14)"
-            yield zeros(suffixed(q.name, "_force"), unit, text)
+            yield zeros(suffixed_name(q.name, "_force"), unit, text)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
-            yield zeros(suffixed(q.name, "_load"), unit, load)
+            yield zeros(suffixed_name(q.name, "_load"), unit, load)
             text = f"sum of the impulses that this mechanism exerts {along} on what is attached to it"
-            yield zero_sums(suffixed(q.name, "_impulse"), units.momentum(q.unit), text)
+            yield zero_sums(suffixed_name(q.name, "_impulse"), units.momentum(q.unit), text)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
             yield zeros(f"{name}_load", units.force(of), text)
@@ -214,7 +214,7 @@ class MechanicalComponent(Component, abstract=True):
         readable = partial(layout.readable, dimension=size)
         for q in self.coordinates:
             speed, momentum = units.rate(q.unit), f"p_{q.name}"
-            rate, acceleration = (suffixed(q.name, end) for end in ("_dot", "_ddot"))
+            rate, acceleration = (suffixed_name(q.name, end) for end in ("_dot", "_ddot"))
             yield readable(q.name, q.unit, q.description, symbol=q.symbol)
             yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name)
             yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}")
@@ -281,7 +281,7 @@ class MechanicalComponent(Component, abstract=True):
         """Unilateral liaisons and dry friction (DESIGN of names: docs/reference/fmu.md)."""
         for item in self.unilaterals:
             readable, at_events = self._of_contact(item)
-            name, of, momentum = item.name, partial(suffixed, item.name), units.momentum(item.unit)
+            name, of, momentum = item.name, partial(suffixed_name, item.name), units.momentum(item.unit)
             yield readable(name, item.unit, item.description)
             yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
             yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
@@ -293,7 +293,7 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         for item in self.dry_frictions:
             readable, at_events = self._of_contact(item)
-            name, of = item.name, partial(suffixed, item.name)
+            name, of = item.name, partial(suffixed_name, item.name)
             yield readable(name, item.unit, item.description)
             yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
             yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base import units
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, is_quadratic
 from liaisons.language.checks import Formulas, call, declared, scalar
@@ -117,7 +117,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in self.passive_constraints)
-        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in self.contact_formulas)
+        self.contact_forces = self._symbols(suffixed_name(c.name, "_force") for c in self.contact_formulas)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
@@ -174,7 +174,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
         of = "unilateral liaisons or dry frictions"
-        return self._symbol(suffixed(name, "_force"), f"contact_force({name!r})", self.contact_formulas, of)
+        return self._symbol(suffixed_name(name, "_force"), f"contact_force({name!r})", self.contact_formulas, of)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
@@ -213,7 +213,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
         values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
         values |= {orientation.quaternion[0]: 1.0 for orientation in self.orientations}
-        return values | {suffixed(q.name, "_dot"): q.start_rate for q in self.coordinates}
+        return values | {suffixed_name(q.name, "_dot"): q.start_rate for q in self.coordinates}
 
     def _check(self) -> None:
         for item in (*self.coordinates, *self.parameters):

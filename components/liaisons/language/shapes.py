@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias, TypeVar, dataclass_transform, final
 
 import casadi as ca
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 
 VariableReference: TypeAlias = Mapping[str, Any]
 """A point's components [m] by axis, ``x`` to the right, ``y`` away, ``z`` up; those left out are 0."""
@@ -146,7 +146,7 @@ class Flash(Drawn):
     liaison: str
 
     def document(self, named: Named) -> dict[str, Any]:
-        return {"shape": "flash", "at": _point(self.at, named), "count": suffixed(self.liaison, "_impacts")}
+        return {"shape": "flash", "at": _point(self.at, named), "count": suffixed_name(self.liaison, "_impacts")}
 
 
 Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail | Rope | Floor | Flash

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
 from liaisons.base.archive import file_identity
-from liaisons.base.arguments import shown, whole, with_settings
+from liaisons.base.arguments import check_integer, shown, with_settings
 from liaisons.base.compiler import Backend, BuildSettings
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.base.published import load_published, published, publishers
+from liaisons.base.published import load_published_component, published_components, publishers
 from liaisons.errors import LiaisonsError, suggestion
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _catalogue_component(name: str) -> type[Component] | None:
 
 def component_names() -> list[str]:
     """Return the sorted names of the components in the catalogue and in packages, without an import."""
-    return sorted({*catalogue_names(), *(name for entries in published().values() for name in entries)})
+    return sorted({*catalogue_names(), *(name for entries in published_components().values() for name in entries)})
 
 
 def is_named(name: object) -> bool:
@@ -143,7 +143,7 @@ def _components_of_word(target: str) -> list[type[Component]]:
 
 
 def _published_component(name: str) -> type[Component]:
-    label, value = load_published(name)
+    label, value = load_published_component(name)
     if not _is_concrete(value) or value.__name__ != name.rpartition(":")[2]:
         raise ProjectError(f"{label} is {shown(value)}; publish a Mechanism or Operator by the name of its class")
     return value
@@ -191,7 +191,7 @@ def model(component: type[Component], **sizes: object) -> Model:
     if not has_size(component) or set(sizes) != {"n"}:
         text = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
         raise ProjectError(f"{component.__name__}: {text}: only chains and arrays have a size, and it is called n")
-    whole(f"{component.__name__}: n", sizes["n"], ProjectError)
+    check_integer(f"{component.__name__}: n", sizes["n"], ProjectError)
     return assemble(component, sizes["n"])
 
 

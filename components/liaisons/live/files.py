@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from liaisons.base.files import replacing
+from liaisons.base.files import replacement_path
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.live.page import live_page
@@ -54,6 +54,6 @@ def write_live_page(subject: Path | System, path: Path | None, starts: Mapping[s
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
     target = path or default_page_path(subject)
     content = live_page(subject, starts)
-    with replacing(target) as whole:
+    with replacement_path(target) as whole:
         whole.write_bytes(content)
     return LivePage(target)

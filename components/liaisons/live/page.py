@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from liaisons.base.archive import Archive, file_identity
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.fmu import read_description
@@ -138,9 +138,13 @@ def _component_data(
     hidden = fed | {member for triple in free for member in triple[1:]}
     picture = picture_of(part)
     outputs = [
-        name for name, v in variables.items() if v["causality"] in {"output", "input"} and split(name)[1] is None
+        name
+        for name, v in variables.items()
+        if v["causality"] in {"output", "input"} and array_and_index(name)[1] is None
     ]
-    elements = [name for name, v in variables.items() if v["causality"] == "output" and split(name)[1] is not None]
+    elements = [
+        name for name, v in variables.items() if v["causality"] == "output" and array_and_index(name)[1] is not None
+    ]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in stepped_before}
     chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
@@ -169,7 +173,7 @@ def _variable_data(
 ) -> dict[str, Any]:
     """Return the data of a variable for the page's script, without empty entries."""
     name, causality = v["name"], v["causality"]
-    base, index = split(name)
+    base, index = array_and_index(name)
     start_value = starts.get(name, v.get("start"))
     start = float(str(start_value)) if causality in {"parameter", "input"} and start_value is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
@@ -202,5 +206,5 @@ def _default_signals(component: Mapping[str, Any], part: SystemComponent) -> Seq
     coordinates = [name for name, triple in triples.items() if triple and {p.name for p in triple} <= shown.keys()]
     angles = [name for name in coordinates if shown[name] == "rad"]
     attitude = [name for name in shown if name[:-1].endswith("q_") and name[-1] in "xyz"]
-    names = angles or attitude or coordinates or [name for name in shown if split(name)[0] == "y"]
+    names = angles or attitude or coordinates or [name for name in shown if array_and_index(name)[0] == "y"]
     return [component["prefix"] + name for name in names[: len(attitude) or 2]]

@@ -27,7 +27,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
@@ -170,7 +170,7 @@ def derive(component: type[Mechanism]) -> Equations:
     rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
-    drives, loads = (stack(ca.SX.sym(suffixed(q.name, end)) for q in m.coordinates) for end in ("_force", "_load"))
+    drives, loads = (stack(ca.SX.sym(suffixed_name(q.name, end)) for q in m.coordinates) for end in ("_force", "_load"))
     points = m.point_components()
     position = ca.cse(stack(points.values()))
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)

@@ -7,7 +7,7 @@ from typing import TypeGuard
 
 import casadi as ca
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
@@ -123,7 +123,7 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
     m, count = equations.mechanism, len(equations.mechanism.coordinates)
 
     def start(column: ca.SX) -> ca.SX:
-        return stack(symbols.get(suffixed(str(x), "_0"), x) for x in ca.vertsplit(column))
+        return stack(symbols.get(suffixed_name(str(x), "_0"), x) for x in ca.vertsplit(column))
 
     p = m.free.frame @ equations.momenta
     rows = [p[:count, 0]]

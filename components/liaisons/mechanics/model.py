@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.base.array_names import split, suffixed
+from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError, LiaisonsError
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
@@ -104,7 +104,7 @@ class Contact:
 
     def variable(self, ending: str) -> str:
         """Name of a variable of the contact with this ending."""
-        return suffixed(self.name, f"_{ending}")
+        return suffixed_name(self.name, f"_{ending}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +151,7 @@ class Model(Layout):
         """Names of the event indicators, which are one or arrays."""
         own = {v.name for v in self.outputs}
         names = (contact.variable("indicator") for contact in self.contacts)
-        return tuple(dict.fromkeys(name if name in own else split(name)[0] for name in names))
+        return tuple(dict.fromkeys(name if name in own else array_and_index(name)[0] for name in names))
 
     @property
     def variables(self) -> tuple[Variable, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.language.layout import Layout
 from liaisons.language.mechanical import MechanicalComponent
 
@@ -42,5 +42,5 @@ def contact_outputs(m: MechanicalComponent, gaps: ca.SX, rates: ca.SX) -> dict[s
     """
     names = [item.name for item in m.unilaterals]
     rubbing = [item.name for item in m.dry_frictions]
-    names += [*(suffixed(name, "_dot") for name in names), *rubbing]
+    names += [*(suffixed_name(name, "_dot") for name in names), *rubbing]
     return dict(zip(names, ca.vertsplit(ca.vertcat(gaps, rates)), strict=True))

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 import casadi as ca
 import numpy as np
 
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
@@ -46,7 +46,9 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_row_equations("momenta", momenta, m.free.frame @ equations.momenta),
         *(() if equations.convergence.shape[0] else _row_equations("rates", rates, equations.unconstrained_velocities)),
         *_row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
-        *_row_equations("motion", [suffixed(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
+        *_row_equations(
+            "motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]
+        ),
         *_row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *_constraint_equations(equations),
         *_contact_equations(equations),
@@ -142,7 +144,7 @@ def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
     forces = ca.substitute(equations.forces + C.T @ lambdas, alone, ca.SX.zeros(alone.shape))
     names = [q.name for q in m.coordinates]
     turns = [rate for orientation in m.orientations for rate in orientation.rates]
-    accelerations = [suffixed(name, "_ddot") for name in names] + [suffixed(rate, "_dot") for rate in turns]
+    accelerations = [suffixed_name(name, "_ddot") for name in names] + [suffixed_name(rate, "_dot") for rate in turns]
     rows = [*names, *turns]
     matrix = (
         Equation("matrix", f"A[{row},{rows[k]}]", A[i, k])
@@ -192,8 +194,8 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     applied = equations.applied_forces + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
         Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
-        *_row_equations("canonical", [suffixed(name, "_dot") for name in names], solved),
-        *_row_equations("canonical", [suffixed(f"p_{name}", "_dot") for name in names], pulled + applied),
+        *_row_equations("canonical", [suffixed_name(name, "_dot") for name in names], solved),
+        *_row_equations("canonical", [suffixed_name(f"p_{name}", "_dot") for name in names], pulled + applied),
     )
 
 
@@ -260,7 +262,7 @@ def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
     """Yield relative velocities of dry friction, and their thresholds."""
     for item in m.dry_frictions:
         yield Equation("dry_friction", item.name, m.expression_of(item))
-        normal = m.symbols[suffixed(item.normal, "_force")] if item.normal else ca.SX(1)
+        normal = m.symbols[suffixed_name(item.normal, "_force")] if item.normal else ca.SX(1)
         for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
             yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
 

@@ -25,7 +25,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
@@ -75,7 +75,7 @@ def contacts_of(m: Mechanism) -> tuple[Contact, ...]:
 def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
     """Raise a ComponentError for more than :data:`MOST_CONTACTS` of a component."""
     if len(contacts) > MOST_CONTACTS:
-        names = ", ".join(dict.fromkeys(split(contact.name)[0] for contact in contacts))
+        names = ", ".join(dict.fromkeys(array_and_index(contact.name)[0] for contact in contacts))
         raise ComponentError(
             f"{name}: {names} are {len(contacts)} contacts; an FMU takes {MOST_CONTACTS} at most: take a smaller size"
         )

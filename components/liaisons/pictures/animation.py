@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import finite
-from liaisons.base.files import replacing
+from liaisons.base.arguments import check_finite
+from liaisons.base.files import replacement_path
 from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import Picture
@@ -84,7 +84,7 @@ def animate(
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
     speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
-    finite("turns", turns)
+    check_finite("turns", turns)
     step = speed / RATE
     shown = motion_frames(scene, time, signals, step, title)
     ghost = None
@@ -94,13 +94,13 @@ def animate(
         ghost = motion_frames(scene, time, {**recorded, **against}, step, title, shifts=shown.shifts)
     count = len(shown.time)
     many = title if count > _MANY else ""
-    with replacing(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:
+    with replacement_path(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:
         if kind == ".glb":
             part.write_bytes(glb_file(shown, title))
         elif kind == _VISUAL:
             description, table = openmodelica_files(shown)
             part.write_bytes(description)
-            with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
+            with replacement_path(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
                 table_part.write_bytes(table)
         elif kind == ".html":
             part.write_bytes(_player_page(scene.picture, shown, title=title, speed=speed, rate=RATE))
@@ -174,7 +174,7 @@ def _default_speed(time: NDArray[np.float64]) -> float:
 
 def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
     """Return the speed unless it is not positive or takes too many frames."""
-    finite("speed", speed)
+    check_finite("speed", speed)
     most = min(_MOST, _MOST_POINTS // points)
     least = float(time[-1] - time[0]) * RATE / most
     if speed <= 0 or speed < least:

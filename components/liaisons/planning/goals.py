@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.arguments import finite, listed, named, shown
+from liaisons.base.arguments import check_finite, name_dictionary, name_list, shown
 from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
 from liaisons.library import Target, component, has_size
@@ -77,7 +77,7 @@ def duration_range(value: Any, label: str = "duration") -> tuple[float, float]:
     pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
     low, high = pair
     for seconds in pair:
-        finite(label, seconds, PlanError)
+        check_finite(label, seconds, PlanError)
     if not _SHORTEST < low <= high < _LONGEST:
         pairs = ", or (low, high)" * (label == "duration")
         raise PlanError(f"{label} = {shown(value)}: give seconds > 0, {_SHORTEST:g} to {_LONGEST:g}{pairs}")
@@ -102,7 +102,7 @@ def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
     """Names of the moved coordinates; None stands for all active ones."""
     if moves is not None:
-        return tuple(listed("moves", moves, PlanError))
+        return tuple(name_list("moves", moves, PlanError))
     return tuple(active.name for active in getattr(component(mechanism), "actives", ()))
 
 
@@ -110,7 +110,7 @@ def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     """Names of the states that end as they start; True stands for all moved coordinates."""
     if closed is True:
         return tuple(moves)
-    return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
+    return () if closed in (False, None) else tuple(name_list("closed", closed, PlanError))
 
 
 def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
@@ -122,7 +122,7 @@ def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
         raise PlanError(
             f'phases = {shown(phases)}: give a list of modes by contact, [{{"gap": "closed"}}, {{"gap": "open"}}]'
         )
-    return tuple(dict(named(f"phases[{k}]", entry, PlanError)) for k, entry in enumerate(entries))
+    return tuple(dict(name_dictionary(f"phases[{k}]", entry, PlanError)) for k, entry in enumerate(entries))
 
 
 def unit_quaternion(label: str, value: Any) -> Array:
@@ -149,7 +149,7 @@ def finite_number(label: str, value: Any) -> float:
 
     :raises PlanError: if it is not one.
     """
-    finite(label, value, PlanError)
+    check_finite(label, value, PlanError)
     return float(value)
 
 
@@ -159,7 +159,7 @@ def values_by_element(label: str, values: object, variables: Sequence[str]) -> d
     :raises PlanError: unless the values have names, and lists the lengths of their arrays.
     """
     by_element: dict[str, Any] = {}
-    for name, value in named(label, values, PlanError).items():
+    for name, value in name_dictionary(label, values, PlanError).items():
         scalars = [variable for variable in variables if variable.startswith(f"{name}[")]
         if not scalars:
             by_element[name] = value

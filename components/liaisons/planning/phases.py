@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import suffixed
+from liaisons.base.array_names import suffixed_name
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.mechanics.contact_forces import Compliance
@@ -119,13 +119,13 @@ class _Phase:
         rows, values = goal_rows(self.symbols), list[tuple[str, ca.SX]]()
         for i, closed in self.gaps.items():
             name = self.contacts[i].name
-            values.append((suffixed(name, "_force"), self.forces[i]) if closed else (name, self.numbers["gap"][i]))
+            values.append((suffixed_name(name, "_force"), self.forces[i]) if closed else (name, self.numbers["gap"][i]))
         for i, direction in self.frictions.items():
             name = self.contacts[i].name
             if direction:
                 values.append((name, direction * self.numbers["v"][i]))
             else:
-                values += [(suffixed(name, "_force"), margin) for margin in self.margins(i).values()]
+                values += [(suffixed_name(name, "_force"), margin) for margin in self.margins(i).values()]
         own = (Row(name, value, 0.0, np.inf) for name, value in values)
         return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
 
@@ -141,7 +141,7 @@ class _Phase:
         """Rows of what the phase conserves: gap and rate 0 where it is closed, sliding velocity 0 where it sticks."""
         v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
         closed = [i for i, is_closed in self.gaps.items() if is_closed]
-        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed(names[i], "_dot"), v[i]))]
+        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed_name(names[i], "_dot"), v[i]))]
         rows += [Row(names[i], v[i]) for i, direction in self.frictions.items() if not direction]
         return with_sizes(self.symbols, rows)
 
@@ -327,12 +327,12 @@ class _Junction:
         if i in self.struck:
             yield Row(name, gap)
             if not jumps:
-                yield Row(suffixed(name, "_dot"), v)
+                yield Row(suffixed_name(name, "_dot"), v)
         if is_pushed:
-            yield Row(suffixed(name, "_dot"), numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
+            yield Row(suffixed_name(name, "_dot"), numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
         yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
         if self.before.gaps[i] and not stays:
-            yield Row(suffixed(name, "_force"), -self.before.forces[i], 0.0, np.inf)
+            yield Row(suffixed_name(name, "_force"), -self.before.forces[i], 0.0, np.inf)
 
     def _friction_rows(self, i: int) -> Iterator[Row]:
         """Conditions on dry friction, whose impulse is bounded by the sliding coefficient, as in FMUs.
@@ -357,4 +357,4 @@ class _Junction:
             yield Row(name, before.numbers["v"][i])
         if slips:
             stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})
-            yield Row(suffixed(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)
+            yield Row(suffixed_name(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)

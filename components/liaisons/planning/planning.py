@@ -8,8 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from liaisons.base.arguments import as_path, finite, merged, named, settings_beside, shown, whole
-from liaisons.base.files import beside, toml_arguments
+from liaisons.base.arguments import (
+    as_path,
+    check_finite,
+    check_integer,
+    merged_start_values,
+    name_dictionary,
+    shown,
+    start_value_hints,
+)
+from liaisons.base.files import file_beside, read_toml_arguments
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
 from liaisons.errors import PlanError
@@ -97,7 +105,7 @@ def plan(
     :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
     """
     names = move_names(mechanism, moves)
-    with settings_beside({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
+    with start_value_hints({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
         seconds = duration_range(duration)
     goal = Goal(
         component=mechanism,
@@ -107,17 +115,17 @@ def plan(
         closed=closed_names(closed, names),
         duration=seconds,
         minimize=minimize,
-        bounds=named("bounds", bounds or {}, PlanError),
-        values=merged("plan", start_values, keywords, PlanError),
+        bounds=name_dictionary("bounds", bounds or {}, PlanError),
+        values=merged_start_values("plan", start_values, keywords, PlanError),
         phases=modes_by_phase(phases),
     )
-    whole("intervals", intervals, PlanError)
-    whole("loops", loops, PlanError)
+    check_integer("intervals", intervals, PlanError)
+    check_integer("loops", loops, PlanError)
     if tries is not None:
-        whole("tries", tries, PlanError)
+        check_integer("tries", tries, PlanError)
     if accuracy is not None:
-        finite("accuracy", accuracy, PlanError)
-    finite("time_limit", time_limit, PlanError)
+        check_finite("accuracy", accuracy, PlanError)
+    check_finite("time_limit", time_limit, PlanError)
     title = f"plan {', '.join(names)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
@@ -157,12 +165,12 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
     """
     path = as_path("path", path, PlanError)
     keys = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
-    arguments = toml_arguments(path, keys, _EXAMPLES, PlanError)
+    arguments = read_toml_arguments(path, keys, _EXAMPLES, PlanError)
     mechanism, values = str(arguments.pop("mechanism")), arguments.pop("values", {})
-    for key in named(f"{path}: values", values, PlanError):
+    for key in name_dictionary(f"{path}: values", values, PlanError):
         if key in keys:
             raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
-    return plan(beside(path, mechanism), **arguments, **values, progress=progress)
+    return plan(file_beside(path, mechanism), **arguments, **values, progress=progress)
 
 
 def _refuse_vanishing_phases(solution: Solution) -> None:

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from liaisons.base.arguments import as_path, finite, listed, named, numbers, shown, whole
-from liaisons.base.files import replacing
+from liaisons.base.arguments import as_path, check_finite, check_integer, float_array, name_dictionary, name_list, shown
+from liaisons.base.files import replacement_path
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -106,7 +106,7 @@ class Plan:
         :param t: times [s], of any shape; beyond both ends the polynomials are extrapolated.
         :raises PlanError: if the times are no numbers.
         """
-        t = numbers("t", t, PlanError)
+        t = float_array("t", t, PlanError)
         return {
             name: polynomial.derivative(n)(t)
             for move, polynomial in self._polynomials.items()
@@ -162,7 +162,7 @@ class Plan:
         :param time_limit: [s]; a claim for which no time is left fails.
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
-        finite("time_limit", time_limit, PlanError)
+        check_finite("time_limit", time_limit, PlanError)
         clock, solution = Clock(time_limit), relative(self.problem, self.solution)
         return verdicts(solution, self.replay(), clock)
 
@@ -251,7 +251,7 @@ class Plan:
         solution = {k: v for k, v in vars(self.solution).items() if k not in {"problem", "trajectory"}}
         document = {"goal": goal, "track": vars(self.solution.trajectory), "solution": solution}
         text = json.dumps(document, default=_json_value, indent=1)
-        with replacing(path) as part:
+        with replacement_path(path) as part:
             part.write_text(text, encoding="utf-8")
 
     @classmethod
@@ -337,9 +337,9 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
                 "pass component=..., or trust=True if you know the file"
             )
     for name in ("bounds", "values"):
-        named(f"goal.{name}", document[name], PlanError)
+        name_dictionary(f"goal.{name}", document[name], PlanError)
     for name in ("moves", "closed"):
-        listed(f"goal.{name}", document[name], PlanError)
+        name_list(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
     phases = modes_by_phase(arguments["phases"] or None)
     return Goal(
@@ -354,7 +354,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     """
     arcs = tuple(Arc(arc["intervals"], _tuples(arc["held"])) for arc in trajectory["arcs"])
     for number in (*(arc.intervals for arc in arcs), document["starts"], document["optima"]):
-        whole("a number", number, PlanError)
+        check_integer("a number", number, PlanError)
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
     of_trajectory = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}

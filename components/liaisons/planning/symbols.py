@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.arguments import finite, shown
+from liaisons.base.arguments import check_finite, shown
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
@@ -293,7 +293,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
             raise PlanError(f"{owner}: {name} is moved and cannot have the fixed value {shown(value)}")
         if name not in variables:
             raise PlanError(f"{owner} has no parameter or input {name!r}{suggestion(name, variables)}")
-        finite(f"{owner}: {name}", value, PlanError)
+        check_finite(f"{owner}: {name}", value, PlanError)
         if not variables[name].allows(float(value)):
             raise PlanError(f"{owner}: {name} = {value} must be {variables[name].domain()}")
         (parameters if name in parameters else inputs)[name] = float(value)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import split
+from liaisons.base.array_names import array_and_index
 from liaisons.base.arrays import Floats
-from liaisons.base.files import replacing
+from liaisons.base.files import replacement_path
 from liaisons.base.port_names import PortNames, port_names
 from liaisons.errors import SimulationError
 from liaisons.results.signals import LabelledSignals
@@ -78,7 +78,7 @@ def plot(
         diagrams = _draw_maps(result, names, grid, subplots)
     figure = diagrams[0].figure.canvas.figure
     if path is not None:
-        save(figure, path)
+        save_figure(figure, path)
     return figure
 
 
@@ -139,7 +139,9 @@ def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subpl
     """Draw a map of each signal over the first two values of a sweep; failed cases stay blank."""
     for name in names:
         result.numbers(name)  # raises if it is unknown
-    asked = [n for name in names for n in result.names if name in {n, split(n)[0]}] or result.names[2 : 2 + DIAGRAMS]
+    asked = [n for name in names for n in result.names if name in {n, array_and_index(n)[0]}] or result.names[
+        2 : 2 + DIAGRAMS
+    ]
     chosen = list(dict.fromkeys(asked))
     x, y, cases = grid
     diagrams = subplots(chosen, math.ceil(math.sqrt(len(chosen))))
@@ -179,13 +181,13 @@ def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int
     return [axes]
 
 
-def save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure.
 
     :raises SimulationError: if it cannot be written.
     """
     try:
-        with replacing(path) as part:
+        with replacement_path(path) as part:
             figure.savefig(part, format=path.suffix[1:] or "png")
     except (ValueError, RuntimeError) as error:  # of an unknown format, or of one that needs another program
         raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
@@ -256,7 +258,7 @@ def _extrema(values: Floats) -> tuple[float, float]:
 
 def _default_rank(name: str, unit: str, names: Container[str]) -> int:
     """Rank of a signal among those that are drawn by default, 0 first, from its name."""
-    owner, dot, last = split(name)[0].rpartition(".")
+    owner, dot, last = array_and_index(name)[0].rpartition(".")
 
     def has(name: str) -> bool:
         """Whether the same component has a variable of this name."""

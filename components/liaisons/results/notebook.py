@@ -26,7 +26,7 @@ _ROUNDING = 1e-9
 """Largest rounding error of a signal, relative to its size; a smaller change is drawn as none."""
 
 
-def html(signals: LabelledSignals) -> str:
+def result_html(signals: LabelledSignals) -> str:
     """HTML of the motion, if there is one, and of a table of the signals with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion_frame(signals)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, listed
+from liaisons.base.arguments import as_path, name_list
 from liaisons.errors import SimulationError
 from liaisons.pictures import animate
 from liaisons.results import figures, notebook, tables
@@ -131,7 +131,7 @@ class Result(LabelledSignals):
         :raises SimulationError: if a name is unknown, the signals need more than the axes, or the file cannot be
             written.
         """
-        chosen = [name for group in names for name in listed("plot", group)]
+        chosen = [name for group in names for name in name_list("plot", group)]
         return figures.plot(self, chosen, over, None if path is None else as_path("plot: path", path), axes)
 
     def animate(
@@ -171,4 +171,4 @@ class Result(LabelledSignals):
 
     def _repr_html_(self) -> str:
         """HTML by which a notebook shows the result."""
-        return notebook.html(self)
+        return notebook.result_html(self)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import Shape, complete, split
+from liaisons.base.array_names import Shape, array_and_index, complete_shape
 from liaisons.base.arrays import Floats
 from liaisons.base.port_names import PortNames
 from liaisons.errors import SimulationError, UnknownSignalError, suggestion
@@ -185,8 +185,8 @@ class LabelledSignals:
         """Rows and shape of each array whose elements are all recorded, by its name."""
         elements: dict[str, list[tuple[int, Shape]]] = {}
         for name, row in self._row_by_name.items():
-            base, index = split(name)
+            base, index = array_and_index(name)
             if index is not None and base not in self._row_by_name:
                 elements.setdefault(base, []).append((row, index))
-        shapes = {base: complete([index for _, index in pairs]) for base, pairs in elements.items()}
+        shapes = {base: complete_shape([index for _, index in pairs]) for base, pairs in elements.items()}
         return {base: ([row for row, _ in elements[base]], shape) for base, shape in shapes.items() if shape}

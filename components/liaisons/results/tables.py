@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.files import replacing
+from liaisons.base.files import replacement_path
 from liaisons.errors import SimulationError
 from liaisons.results.signals import LabelledSignals
 
@@ -30,7 +30,7 @@ def write_csv(signals: LabelledSignals, path: Path) -> None:
     :raises SimulationError: if it cannot be written.
     """
     names, (unit, *units), contents = zip(*_file_columns(signals), strict=True)
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with replacement_path(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerows([names, [f"# {unit}", *units]])
         file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals))
@@ -68,7 +68,7 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
     fields = [arrow.field(name, array.type, metadata={"unit": unit}) for name, array, unit in columns]
     notes = {key: text for key, text in _metadata(signals) if key != "warning"}
     notes["warnings"] = json.dumps(signals.warnings)
-    with replacing(path) as part:
+    with replacement_path(path) as part:
         parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata=notes)), part)
 
 

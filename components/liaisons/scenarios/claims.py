@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import finite, shown
+from liaisons.base.arguments import check_finite, shown
 from liaisons.check import Verdict, slope, verdict
 from liaisons.errors import ValidityError
 from liaisons.results import Result
@@ -33,7 +33,7 @@ def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
     :param because: why this tolerance.
     :raises ValidityError: for a tolerance that is no number, or without a reason.
     """
-    finite("within: tolerance", tolerance, ValidityError)
+    check_finite("within: tolerance", tolerance, ValidityError)
     if not (isinstance(unit, str) and isinstance(because, str) and because):
         raise ValidityError(f"within({tolerance:g}, {shown(unit)}, because={shown(because)}): say why, in words")
     return Bound(float(tolerance), unit, because)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import shown
-from liaisons.base.files import replacing
+from liaisons.base.files import replacement_path
 from liaisons.errors import ValidityError
 
 _WIDTH, _HEIGHT = 5.2, 4.0
@@ -85,7 +85,7 @@ def save(path: Path) -> None:
         widths = [0.5 + 0.07 * len(label) for label in labels]
         columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
         axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
-    with replacing(path) as whole:
+    with replacement_path(path) as whole:
         figure.savefig(
             whole, format=path.suffix[1:], dpi=150, bbox_inches="tight"
         )  # with legends below axes of equal aspect

@@ -11,7 +11,13 @@ from pathlib import Path
 from typing import final
 
 from liaisons.base.arguments import shown
-from liaisons.base.project import ProjectError, figures_directory, from_here, load_module, scenario_files
+from liaisons.base.project import (
+    ProjectError,
+    figures_directory,
+    load_module,
+    relative_to_working_directory,
+    scenario_files,
+)
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
 from liaisons.scenarios.claims import Claims
@@ -80,7 +86,7 @@ def scenario(main: Callable[[Claims], None]) -> Scenario:
     if main.__module__ == "__main__":
         outcome = execute(made, debug=True)
         print(report([outcome]))
-        print(f"figure: {from_here(outcome.figure)}")
+        print(f"figure: {relative_to_working_directory(outcome.figure)}")
         raise SystemExit(0 if outcome.passed else 1)
     return made
 

@@ -122,4 +122,4 @@ def _converted(label: str, value: Number, unit: UnitDefinition | None, target: U
         return value
     if unit.exponents != target.exponents:
         raise SimulationError(f"{label} = {value!r}: the unit of the parameter is of another kind than the variable's")
-    return value if (conversion := unit.to(target)) == SAME else conversion.of(value)
+    return value if (conversion := unit.conversion_to(target)) == SAME else conversion.apply(value)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.base.array_names import Shape, split
+from liaisons.base.array_names import Shape, array_and_index
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.units import BASE
 from liaisons.cosim.description.fmu import LONGEST
@@ -30,7 +30,7 @@ def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
     array = part.fmu.variables.whole(variable)
     if array is None:
         return part.fmu.variables[variable], ()
-    _, index = split(variable) if variable != array.like.name else ("", None)
+    _, index = array_and_index(variable) if variable != array.like.name else ("", None)
     return array, index or ()
 
 

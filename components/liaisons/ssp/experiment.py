@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.base.arguments import finite
+from liaisons.base.arguments import check_finite
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import DefaultExperiment, usable
 from liaisons.cosim.structure.simulation import common_experiment
@@ -26,7 +26,7 @@ def effective_experiment(
     """
     for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
         if value is not None:
-            finite(label, value)
+            check_finite(label, value)
     last, usual = system.experiment, common_experiment(part.fmu for part in system.parts.values())
     if start_time is None:  # that of a run goes with its end
         start_time = (last.start_time or 0.0) if stop_time is None and last.stop_time is not None else 0.0

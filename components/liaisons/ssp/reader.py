@@ -16,8 +16,8 @@ from xml.etree.ElementTree import Element
 
 from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
-from liaisons.base.folders import passing_folder
-from liaisons.base.xml_documents import tree
+from liaisons.base.folders import temporary_folder
+from liaisons.base.xml_documents import read_tree
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.fmu import read as read_fmu
@@ -48,7 +48,7 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
     """
     file = as_path("archive", file)
     with ExitStack() as stack:
-        directory = stack.enter_context(passing_folder())
+        directory = stack.enter_context(temporary_folder())
         try:
             with Archive(file) as archive:
                 system = _read_system(archive, directory, make, starts or {})
@@ -79,13 +79,13 @@ def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
     try:
         with archive.open(name) as file:
             try:
-                element = tree(file)
+                element = read_tree(file)
             except ValueError as error:
                 if "unbound prefix" not in str(error):
                     raise
                 with archive.open(name) as again:
                     text, prefixes = with_declared_prefixes(again.read())
-                element = tree(io.BytesIO(text))
+                element = read_tree(io.BytesIO(text))
                 words = f"{archive.path}: {source} does not declare the prefix {', '.join(prefixes)}"
                 logger.warning("%s; taken for what it stands for in SSP, elsewhere for nothing", words)
     except ValueError as error:

@@ -109,7 +109,7 @@ class Structure:
             if not edge.as_is and unit is not None and next_unit is not None:
                 if unit.exponents != next_unit.exponents:
                     raise ConnectError(f"{edge} joins units of different kinds")
-                total = total.then(unit.to(next_unit))
+                total = total.then(unit.conversion_to(next_unit))
             total = total.then(edge.conversion)
             unit = unit if next_unit is None and not edge.as_is and edge.conversion == SAME else next_unit
         return total

@@ -19,8 +19,8 @@ from xml.etree.ElementTree import Element, SubElement
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 from liaisons.base.arguments import as_path
-from liaisons.base.arguments import chosen as one_of
-from liaisons.base.files import replacing
+from liaisons.base.arguments import check_choice as one_of
+from liaisons.base.files import replacement_path
 from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
@@ -105,7 +105,7 @@ def write(
     add_experiment(root, experiment)
     if form == "full":
         SubElement(root, tag("ssc:MetaData"), kind="general", type="text/html", source=_PAGE)
-    with replacing(path) as part, ZipFile(part, "w") as archive:
+    with replacement_path(path) as part, ZipFile(part, "w") as archive:
         for file, content in {STRUCTURE: document(root), **files}.items():
             data = content.read_bytes() if isinstance(content, Path) else content
             # FMUs are compressed already; without a date, equal systems are equal files

@@ -48,7 +48,7 @@ def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
     :param group: the element that lists them.
     """
     return {
-        name: UnitDefinition.of(name, base.attrib)
+        name: UnitDefinition.from_attributes(name, base.attrib)
         for unit in root.iterfind(path(group, "ssc:Unit"))
         for name, base in [(unit.get("name", ""), unit.find(tag("ssc:BaseUnit")))]
         if base is not None

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import named, numbers, shown, whole
+from liaisons.base.arguments import check_integer, float_array, name_dictionary, shown
 from liaisons.base.arrays import Floats
 from liaisons.errors import SweepError
 
@@ -101,10 +101,10 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     :param latin_hypercube: spread the values of each name evenly over its quantiles.
     :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
     """
-    whole("sample: count", count, SweepError)
+    check_integer("sample: count", count, SweepError)
     _refuse_too_many("sample", int(count))
-    whole("sample: seed", seed, SweepError, least=0)
-    if not named("sample: over", over, SweepError):
+    check_integer("sample: seed", seed, SweepError, least=0)
+    if not name_dictionary("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     generator = np.random.default_rng(int(seed))
     if latin_hypercube:
@@ -145,11 +145,11 @@ def _values_at(name: str, distribution: Distribution, quantiles: Floats) -> Floa
 
 def _columns(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
     """Values by name as arrays, checked to be finite and not empty."""
-    if not named("cases", over, SweepError):
+    if not name_dictionary("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}
     for name, values in over.items():
-        column = np.array(numbers(name, values, SweepError), ndmin=1)
+        column = np.array(float_array(name, values, SweepError), ndmin=1)
         if column.ndim > 1 or not column.size:
             raise SweepError(f"{name} has values of shape {column.shape}; give at least one number, in one row")
         if not np.all(np.isfinite(column)):

@@ -12,7 +12,7 @@ from typing import Any, final
 from uuid import uuid4
 
 from liaisons.base.arguments import shown
-from liaisons.base.folders import passing_folder
+from liaisons.base.folders import temporary_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.sweeps.study import Failure, Outcome, Study, failure_of
@@ -185,7 +185,7 @@ def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit:
 
     _close_pools(thread=get_ident())  # of a sweep that was lost
     with ExitStack() as stack:
-        folder = stack.enter_context(passing_folder())
+        folder = stack.enter_context(temporary_folder())
         paths = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
         for path, content in files.items():
             paths[path].write_bytes(content)

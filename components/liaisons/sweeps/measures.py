@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from liaisons.base.arguments import listed, shown
+from liaisons.base.arguments import name_list, shown
 from liaisons.cosim import Result
 from liaisons.errors import SweepError, suggestion
 
@@ -25,7 +25,7 @@ def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    names = keep if isinstance(keep, Mapping) else listed("keep", keep, SweepError)
+    names = keep if isinstance(keep, Mapping) else name_list("keep", keep, SweepError)
     columns: dict[str, Measure] = {name: keep[name] if isinstance(keep, Mapping) else name for name in names}
     if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")

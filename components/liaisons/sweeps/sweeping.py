@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, named, positive, whole
+from liaisons.base.arguments import as_path, check_integer, check_positive, name_dictionary
 from liaisons.base.logs import Warnings, logger
 from liaisons.base.progress import progress_bar
 from liaisons.cosim import System
@@ -89,7 +89,7 @@ def sweep(
         subject,
         Cases.of(cases),
         checked_measures(keep),
-        named("start_values", {} if start_values is None else start_values, SweepError),
+        name_dictionary("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
             start_time=start_time,
             stop_time=stop_time,
@@ -129,9 +129,9 @@ def _check_settings(
     if workers is not None and client is not None:
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
     if workers is not None:
-        whole("workers", workers, SweepError)
+        check_integer("workers", workers, SweepError)
     if time_limit is not None:
-        positive("time_limit", time_limit, SweepError)
+        check_positive("time_limit", time_limit, SweepError)
     if retry and journal is None:
         raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
 

@@ -30,7 +30,7 @@ from uuid import uuid4
 import numpy as np
 
 from liaisons.base.arrays import Floats
-from liaisons.base.folders import passing_folder
+from liaisons.base.folders import temporary_folder
 from liaisons.base.processes import die_with_parent
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted
@@ -63,7 +63,7 @@ def simulate_locally(
     :param time_limit: of a case [s].
     """
     compiled.steps()  # else each process would compile it
-    with passing_folder() as folder:
+    with temporary_folder() as folder:
         task: Task | bytes = study, extracted(study.fmus(), folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe
             try:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, final
 
-from liaisons.base.structures import Record, fields
+from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.messages import WARNING
 from liaisons.errors import SimulationError
 
@@ -32,7 +32,7 @@ HEADER = Path(__file__).with_name("calls.h")
 class CallRecord(Record):
     """A call as compiled code makes it."""
 
-    _fields_ = fields(HEADER, "Call")
+    _fields_ = structure_fields(HEADER, "Call")
 
 
 @final

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import CDLL
 from pathlib import Path
 
-from liaisons.base.libraries import loaded
+from liaisons.base.libraries import compiled_library
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
 """Communication steps; Python makes those of explicit coupling as well, to the same bits."""
@@ -13,4 +13,4 @@ STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c"
 
 def steps() -> CDLL | None:
     """The library of :data:`STEPS`; None if it cannot be compiled or loaded."""
-    return loaded(STEPS, "communication steps are made by Python")
+    return compiled_library(STEPS, "communication steps are made by Python")

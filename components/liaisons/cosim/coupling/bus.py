@@ -140,7 +140,7 @@ class Bus:
 
 
 def _convert(bus: memoryview[float], target: int, source: int, conversion: Conversion) -> None:
-    bus[target] = conversion.of(bus[source])
+    bus[target] = conversion.apply(bus[source])
 
 
 def _by_component(names: Iterable[str], references: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:

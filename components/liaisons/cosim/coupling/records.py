@@ -7,7 +7,7 @@ from ctypes import Array
 from functools import partial
 from typing import final
 
-from liaisons.base.structures import Record, fields
+from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.compiled.calls import HEADER, Call, CallRecord
 
 AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
@@ -16,7 +16,7 @@ AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
 DIVERGED = -2
 """What advancing returns besides statuses and :data:`liaisons.cosim.compiled.calls.RAISED`."""
 
-_fields = partial(fields, HEADER.with_name("coupling.c"))
+_fields = partial(structure_fields, HEADER.with_name("coupling.c"))
 
 
 @final

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from liaisons.base.hermite import coefficients
+from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Indices, Memory, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
@@ -110,7 +110,7 @@ def _alike(
         columns[row] = terms[k][0]  # beyond the terms, times 0
         if power < many:
             columns[row, :many] = terms[k]
-            factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
+            factors[row, :many] = coefficient_matrix(many // 2)[power] * math.factorial(power)
     return {"scaling": as_indices(scaling), "term": columns, "factors": factors, "after": after, "of": of}
 
 

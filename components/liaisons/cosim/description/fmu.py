@@ -12,7 +12,7 @@ from typing import IO, Literal, TypeVar, final
 import fmpy
 
 from liaisons.base.archive import Archive, file_identity
-from liaisons.base.array_names import Shape, split
+from liaisons.base.array_names import Shape, array_and_index
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.model_description import Description, Table, parse
 from liaisons.cosim.description.terminals import Terminals, read_terminals
@@ -159,7 +159,7 @@ class Fmu:
 
     def unknown(self, name: str, *others: str) -> str:
         """Message for a variable that does not exist; ``others`` are further names to suggest."""
-        base, index = split(name)
+        base, index = array_and_index(name)
         if base in self.arrays:
             shape = self.arrays[base]
             bounds = f"{base}[{','.join('1' * len(shape))}] to {base}[{','.join(map(str, shape))}]"

@@ -11,7 +11,7 @@ from operator import attrgetter
 from typing import IO, final
 
 from liaisons.base import xml_documents as documents
-from liaisons.base.array_names import Shape, complete, split
+from liaisons.base.array_names import Shape, array_and_index, complete_shape
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.variables import Array, Entry, Scalar, Variables, VariableType
 
@@ -82,7 +82,7 @@ class _Elements:
     def entries(self, *, free: bool) -> dict[str, Entry]:
         """The array; or its members one by one if some are missing or a scalar has its name."""
         count = len(self.references)
-        shape = (count,) if self.shapes is None else complete(self.shapes)
+        shape = (count,) if self.shapes is None else complete_shape(self.shapes)
         if shape is not None and free:
             starts = self.starts if any(start is not None for start in self.starts) else ()
             return {self.like.name: Array(self.like, shape, self.references, starts, self.indices, whole=False)}
@@ -191,7 +191,7 @@ class Description:
 
     def _add_base_unit(self, attributes: Attributes) -> None:
         name = self._unit["name"]
-        self.units[name] = UnitDefinition.of(name, attributes)
+        self.units[name] = UnitDefinition.from_attributes(name, attributes)
 
     def _add_item(self, attributes: Attributes) -> None:
         """Add an item to the enumeration type that :attr:`_type` names."""
@@ -274,7 +274,7 @@ class Description:
         )
 
     def _add(self, variable: Scalar) -> None:
-        base, index = split(variable.name)
+        base, index = array_and_index(variable.name)
         if index is not None:
             group = self._entries.get(f"{base}[")  # no variable has such a name
             if group is None:

@@ -11,7 +11,7 @@ from hashlib import sha256
 from typing import Any, final
 from zipfile import ZipFile
 
-from liaisons.base.arguments import finite, positive, shown
+from liaisons.base.arguments import check_finite, check_positive, shown
 from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.folders import process_folder
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
@@ -147,8 +147,8 @@ def sampled(
     if not callable(function):
         raise InvalidValueError(f"sampled: {shown(function)} is no function")
     label = f"sampled: {getattr(function, '__name__', 'function')}"
-    positive(f"{label}: period", period)
-    finite(f"{label}: delay", delay)
+    check_positive(f"{label}: period", period)
+    check_finite(f"{label}: delay", delay)
     if not 0 <= delay <= period:
         raise InvalidValueError(f"{label}: delay = {delay:g} s: must be from 0 to the period, {period:g} s")
     for argument, names in (("reads", reads), ("writes", writes)):

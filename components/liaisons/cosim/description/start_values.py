@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import offset, split
+from liaisons.base.array_names import array_and_index, element_offset
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Array, Scalar, VariableType
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
@@ -42,14 +42,14 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
         variable = fmu.variables[name]
         if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
             raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
-        base, index = split(name)
+        base, index = array_and_index(name)
         entry = fmu.variables.entries.get(base)
         if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
             values[name] = value
             continue
         if base not in values:
             values[base] = _array_value(owner, fmu, base, _own_starts(entry))
-        whole, position = values[base], offset(index, entry.shape)
+        whole, position = values[base], element_offset(index, entry.shape)
         assert isinstance(whole, list)
         assert position is not None
         whole[position] = value

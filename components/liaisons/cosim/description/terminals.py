@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 from liaisons.base.archive import Archive
 from liaisons.base.port_names import PortNames, impulse_name, port_names
-from liaisons.base.xml_documents import tree
+from liaisons.base.xml_documents import read_tree
 from liaisons.cosim.description.variables import Variables
 
 logger = logging.getLogger(__name__)
@@ -174,7 +174,7 @@ def read_terminals(archive: Archive, variables: Variables) -> Terminals:
         return Terminals(variables)
     try:
         with archive.open(TERMINALS) as file:
-            root = tree(file)
+            root = read_tree(file)
         if root.tag != "fmiTerminalsAndIcons":
             raise ValueError("its root is not fmiTerminalsAndIcons")
         return Terminals(variables, [_terminal(element, variables) for element in root.iterfind("Terminals/Terminal")])

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, final
 
-from liaisons.base.array_names import Shape, indices, offset, split
+from liaisons.base.array_names import Shape, array_and_index, element_indices, element_offset
 
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 
@@ -100,7 +100,7 @@ class Array:
 
     def names(self) -> Iterator[str]:
         """Names of its elements, the last index running fastest."""
-        return (f"{self.like.name}[{index}]" for index in indices(self.shape))
+        return (f"{self.like.name}[{index}]" for index in element_indices(self.shape))
 
     def element(self, name: str, position: int) -> Scalar:
         """The scalar at a position."""
@@ -129,11 +129,11 @@ class Variables(Mapping[str, Scalar]):
         entry = self.entries.get(name)
         if isinstance(entry, Scalar):
             return entry
-        base, index = split(name)
+        base, index = array_and_index(name)
         array = self.entries.get(base)
         if index is None or not isinstance(array, Array):
             raise KeyError(name)
-        position = offset(index, array.shape)
+        position = element_offset(index, array.shape)
         if position is None:
             raise KeyError(name)
         return array.element(name, position)
@@ -154,7 +154,7 @@ class Variables(Mapping[str, Scalar]):
 
     def whole(self, name: str) -> Array | None:
         """The FMI 3.0 array of this name or with this element; None if there is none."""
-        entry = self.entries.get(name) or self.entries.get(split(name)[0])
+        entry = self.entries.get(name) or self.entries.get(array_and_index(name)[0])
         return entry if isinstance(entry, Array) and entry.whole else None
 
 

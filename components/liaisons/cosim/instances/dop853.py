@@ -14,8 +14,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.libraries import loaded
-from liaisons.base.structures import Record, fields
+from liaisons.base.libraries import compiled_library
+from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
 from liaisons.cosim.compiled.calls import HEADER, Call
 from liaisons.errors import RefusedError
@@ -76,12 +76,12 @@ _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
 
 @final
 class _Equations(Record):
-    _fields_ = fields(_SOURCES[0], "Equations")
+    _fields_ = structure_fields(_SOURCES[0], "Equations")
 
 
 def library() -> c.CDLL | None:
     """The compiled solver; None if it cannot be compiled."""
-    code = loaded(_SOURCES, "Model Exchange is solved by CVODE")
+    code = compiled_library(_SOURCES, "Model Exchange is solved by CVODE")
     if code is not None:
         code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
         code.dop853_step.argtypes = [c.c_void_p, c.c_double]

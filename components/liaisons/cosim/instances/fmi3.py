@@ -16,7 +16,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from liaisons.base.structures import Record, fields
+from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description.fmu import Fmu
@@ -31,7 +31,7 @@ from liaisons.errors import SimulationError
 class _StepEnd(Record):
     """How a step ended."""
 
-    _fields_ = fields(HEADER, "Ended")
+    _fields_ = structure_fields(HEADER, "Ended")
 
 
 class Instance3(Loaded, ABC):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.clocks import CLOCK_ERROR
-from liaisons.base.hermite import coefficients
+from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
@@ -41,7 +41,7 @@ _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _WEIGHTS / 2
 _ONCE_TWICE = np.stack([_WEIGHTS, _WEIGHTS * (1 - _NODES)], axis=-1)
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
 _CUBIC = np.vander(_NODES, increasing=True) @ np.linalg.inv(np.vander(_THIRDS, increasing=True))
-_QUINTIC = np.vander(_NODES, 6, increasing=True) @ coefficients(3)
+_QUINTIC = np.vander(_NODES, 6, increasing=True) @ coefficient_matrix(3)
 _SMOOTH = 1 / 10
 """A deviation that shrinks by more, where the step is halved and halved again, is that of a smooth function; that of a
 break may do so once, where it comes to lie at an end.

@@ -18,7 +18,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.hermite import coefficients
+from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import ContactMechanism, accumulated
@@ -335,7 +335,7 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
     ends = [data[k, :, end : end + many] * scales[k] for end in (0, 1) for k in range(m)]
     powers = x ** np.arange(2 * m)[:, None]
     slopes = np.arange(1, 2 * m)[:, None] * powers[:-1]
-    weights, weight = coefficients(m), (x * (x - 1)) ** m
+    weights, weight = coefficient_matrix(m), (x * (x - 1)) ** m
     value = sum(values * (row @ powers) for row, values in zip(weights.T, ends, strict=True))
     first = (data[0, :, point].T - value) / weight
     second = np.zeros_like(first)

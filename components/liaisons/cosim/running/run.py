@@ -23,8 +23,8 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import positive
-from liaisons.base.folders import passing_folder
+from liaisons.base.arguments import check_positive
+from liaisons.base.folders import temporary_folder
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
 from liaisons.base.progress import progress_bar
@@ -108,7 +108,7 @@ class Run:
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in parts.values())
         with ExitStack() as stack, _pause_garbage_collection():
             if folders is None:
-                folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
+                folders = extracted((part.fmu for part in parts.values()), stack.enter_context(temporary_folder()))
             for name, part in parts.items():
                 folder = folders.get(part.fmu.path, Path())
                 if not part.isolated and part.fmu.function is None:
@@ -499,7 +499,7 @@ class Run:
         :param factor: simulated seconds a second.
         :raises SimulationError: unless it is positive.
         """
-        positive("pace", factor)
+        check_positive("pace", factor)
         self._clock = factor, perf_counter(), self.time
 
     def wait(self) -> None:

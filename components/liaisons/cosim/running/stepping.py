@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import numbers, shown
+from liaisons.base.arguments import float_array, shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
@@ -49,7 +49,7 @@ class FreeInput:
         """
         if type(value) is float and self._variable.type == "Real" and not self._shape and math.isfinite(value):
             return value
-        checked = numbers(self._label, value)
+        checked = float_array(self._label, value)
         if checked.shape != self._shape:
             raise InvalidValueError(f"{self._label} = {shown(value)}: give numbers of shape {self._shape}")
         if not np.isfinite(checked).all():

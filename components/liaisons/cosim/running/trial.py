@@ -49,7 +49,7 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
     begin, size = times[0], times[1] - times[0]
     settings = digest, fmu.binary, begin, size, sorted(part.starts.items()), sys.version
     key = sha256(repr(settings).encode()).hexdigest()
-    if not (cache.knows(digest) or cache.knows(key)):
+    if not (cache.is_trusted_fmu(digest) or cache.is_trusted_fmu(key)):
         stage, how = (_in_fork if isolated.SUPPORTED else _in_interpreter)(part, directory, begin, size)
         if how:
             raise SimulationError(
@@ -57,7 +57,7 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
                 "build or copy it again, or ask its maker"
             )
         if stage == _LAST:
-            cache.remember(key)
+            cache.add_trusted_fmu(key)
     _tried.add(fmu)
 
 

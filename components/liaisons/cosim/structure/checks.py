@@ -10,8 +10,8 @@ from typing import final, get_args
 
 import numpy as np
 
-from liaisons.base.arguments import chosen
-from liaisons.base.compiler import no_compiler
+from liaisons.base.arguments import check_choice
+from liaisons.base.compiler import no_compiler_message
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.messages import logger
@@ -75,7 +75,7 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
         C compiler for a coupling that repeats steps.
     """
     if asked is not None:
-        chosen("coupling", asked, get_args(Coupling))
+        check_choice("coupling", asked, get_args(Coupling))
     parts, connections = graph.parts, graph.connections
     cycles = [group for group in graph.groups if len(group) > 1]
     stuck = [name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state]
@@ -87,7 +87,8 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
             )
         if compiled.steps() is None:
             raise SimulationError(
-                f"coupling = {asked!r} is made by compiled code, and {no_compiler()}; or choose coupling='gauss-seidel'"
+                f"coupling = {asked!r} is made by compiled code, and {no_compiler_message()}; "
+                "or choose coupling='gauss-seidel'"
             )
         return asked
     two_ways = [connection for connection in connections if connection.back]
@@ -95,7 +96,7 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
     if asked is None and (two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))):
         if compiled.steps() is None:
-            hurdles.append(no_compiler())
+            hurdles.append(no_compiler_message())
         if not hurdles:
             return "implicit"
         logger.warning(

@@ -10,7 +10,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, final, get_args
 
-from liaisons.base.arguments import as_path, settings_beside, shown
+from liaisons.base.arguments import as_path, shown, start_value_hints
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.fmu import Fmu, read
@@ -106,7 +106,7 @@ class SystemComponent:
         """
         is_function = isinstance(path, SampledFunction)
         fmu = path.description() if is_function else read(as_path(f"{name}: fmu", path))
-        with settings_beside(fmu.variables):
+        with start_value_hints(fmu.variables):
             limit = time_limit(f"{name}: isolated =", isolated)
             if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
                 raise InvalidValueError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")

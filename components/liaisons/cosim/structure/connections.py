@@ -166,4 +166,4 @@ def _unit_conversion(source: Port, target: Port) -> Conversion:
     if one.exponents != other.exponents:
         units = (f"{port} [{port.variable.unit}]" for port in (source, target))
         raise ConnectError(f"{' and '.join(units)} cannot be connected: their units are of different kinds")
-    return one.to(other)
+    return one.conversion_to(other)

@@ -13,8 +13,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import final
 
-from liaisons.base.array_names import split
-from liaisons.base.files import replacing
+from liaisons.base.array_names import array_and_index
+from liaisons.base.files import replacement_path
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -50,7 +50,7 @@ class Diagram:
 
     def write(self, path: Path | str) -> None:
         """Write the file."""
-        with replacing(Path(path)) as whole:
+        with replacement_path(Path(path)) as whole:
             whole.write_text(self.svg, encoding="utf-8")
 
     def _repr_svg_(self) -> str:
@@ -118,7 +118,7 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
         points = [port.terminal.point for port in ports if port.terminal and port.triple()]
         joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
         names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
-        source, target = (split(name)[0] for name in names)
+        source, target = (array_and_index(name)[0] for name in names)
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
         wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)

@@ -12,8 +12,8 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.archive import Archive
-from liaisons.base.array_names import split
-from liaisons.base.folders import passing_folder
+from liaisons.base.array_names import array_and_index
+from liaisons.base.folders import temporary_folder
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.structure.components import Components, SystemComponent
@@ -102,7 +102,7 @@ def _calculated(part: SystemComponent, names: list[str], recorded: Values) -> Va
     values = np.empty(len(names))
     results = np.empty((len(names), count))
     with ExitStack() as stack:
-        folders = extracted([part.fmu], stack.enter_context(passing_folder()))
+        folders = extracted([part.fmu], stack.enter_context(temporary_folder()))
         instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
         instance.initialize(part.starts, None, 0.0, 1.0)
         read = instance.getter([part.fmu.variables[name] for name in names], values)
@@ -118,7 +118,7 @@ def _configuration(part: SystemComponent, recorded: Values) -> Mapping[str, Any]
     """Values of the frames by inputs and initial coordinates that take them; arrays are whole."""
     variables, configuration, arrays = part.fmu.variables, {}, {}
     for name, values in recorded.items():
-        base, index = split(name)
+        base, index = array_and_index(name)
         if base not in variables.entries:
             continue
         target = base if variables.entries[base].like.causality == "input" else f"{base}_0"

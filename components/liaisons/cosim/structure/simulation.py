@@ -12,8 +12,16 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, listed, named, numbers, positive, shown, time_span
-from liaisons.base.array_names import split
+from liaisons.base.arguments import (
+    check_finite,
+    check_positive,
+    checked_stop_and_step,
+    float_array,
+    name_dictionary,
+    name_list,
+    shown,
+)
+from liaisons.base.array_names import array_and_index
 from liaisons.base.logs import collected_warnings
 from liaisons.base.memory import check_memory
 from liaisons.base.port_names import PortNames
@@ -137,7 +145,7 @@ class Simulation:
         """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
         ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
-            for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
+            for name, value in ((recorded, variable), (array_and_index(recorded)[0], array_and_index(variable)[0])):
                 if names := self.parts[part].fmu.terminals.renamed.get(value):
                     prefix = name.removesuffix(value)
                     ports[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
@@ -205,7 +213,7 @@ def checked(
     tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    functions = named("inputs", {} if settings.inputs is None else settings.inputs)
+    functions = name_dictionary("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
         {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
         parts,
@@ -213,7 +221,7 @@ def checked(
     )
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
-            positive(name, value)
+            check_positive(name, value)
     impulses = [connection for connection in connections if connection.impulsive]
     connections = [connection for connection in connections if not connection.impulsive]
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
@@ -277,21 +285,21 @@ def _points(
     stop = usual.stop_time if stop is None and single and not endless else stop
     step = usual.step_size if step is None else step
     if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
-        finite("stop_time", stop)
-        finite("start_time", start)
+        check_finite("stop_time", stop)
+        check_finite("start_time", start)
         step = (stop - start) / _POINTS
     missing = "stop_time" if stop is None and not endless else "step_size" if step is None else ""
     if single and missing:
         raise InvalidValueError(f"{title}.fmu has no default {missing}: give one")
     if adaptive:
-        stop, step = time_span(start, stop, step)
+        stop, step = checked_stop_and_step(start, stop, step)
         return [float(start), float(min(start + step, stop)), float(stop)]
     if not endless:
         return communication_points(start, stop, step, signals=signals)
     if step is None:
         raise InvalidValueError("give step_size, the distance of the communication points")
-    finite("start_time", start)
-    positive("step_size", step)
+    check_finite("start_time", start)
+    check_positive("step_size", step)
     return EndlessTimes(float(start), float(step))
 
 
@@ -335,7 +343,7 @@ def with_start_values(
     :raises SimulationError: for an unknown name, or a value that it cannot have.
     """
     own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in parts.items()}
-    for name, value in named(f"{title}: start_values", start_values).items():
+    for name, value in name_dictionary(f"{title}: start_values", start_values).items():
         owner, variable = owned(title, parts, "start value", name, single=single)
         own[owner][variable] = value
     return {name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts.items()}
@@ -350,7 +358,7 @@ def _recorded(
     single: bool,
 ) -> dict[str, VariableReference]:
     """Name in the result -> what is recorded under it; of an array, all its elements."""
-    names = [] if record is None else listed("record", record)
+    names = [] if record is None else name_list("record", record)
     all_of = () if record is not None else [next(iter(parts))] if single else parts
     variables = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
     for full in (*names, *also):
@@ -370,7 +378,7 @@ def communication_points(
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if the recording is
         larger than the memory.
     """
-    stop_time, step_size = time_span(start_time, stop_time, step_size)
+    stop_time, step_size = checked_stop_and_step(start_time, stop_time, step_size)
     check_memory(start_time, stop_time, step_size, signals)
     steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
     return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
@@ -379,7 +387,7 @@ def communication_points(
 def _checked_times(times: ArrayLike, settings: SimulationSettings) -> list[float]:
     if settings.start_time or settings.stop_time is not None or settings.step_size is not None:
         raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
-    points = numbers("times", times)
+    points = float_array("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
         raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)

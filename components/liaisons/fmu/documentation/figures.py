@@ -23,7 +23,7 @@ _MOST_SHAPES = 60  # of a longer chain the page would be all picture
 _COLOURS = ("#c8532b", "#2f6fa8", "#3f8f6b", "#8a5aa8")
 
 
-def picture(model: Model, results: Trajectory | None) -> list[str]:
+def picture_svg(model: Model, results: Trajectory | None) -> list[str]:
     """Return SVG of the mechanism at the start of its default experiment, with its trail; nothing without a picture.
 
     :param results: of the default experiment, if there are any.
@@ -81,7 +81,7 @@ def _svg_polygons(faces: list[Face], name: str) -> list[str]:
     return [*lines, "</svg>"]
 
 
-def plot(results: Trajectory | None) -> list[str]:
+def plot_svg(results: Trajectory | None) -> list[str]:
     """Return SVG curves of free coordinates of one unit, or of signals; nothing without results."""
     if results is None or not (variables := _plotted_variables(results.model)):
         return []

@@ -15,7 +15,7 @@ import numpy as np
 
 from liaisons.base.version import __version__
 from liaisons.fmu.documentation import figures
-from liaisons.fmu.documentation.sources import cited
+from liaisons.fmu.documentation.sources import cited_entries
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
@@ -77,7 +77,7 @@ def index_page(model: Model) -> bytes:
         "Ports": _port_tables(model.ports, {v.name: v for v in model.variables}),
         "Inputs inside a step": _reconstruction_section(model) if model.inputs else [],
         "Checked against": _closed_form_section(model),
-        "Default experiment": [*figures.plot(results), *_experiment_section(model)],
+        "Default experiment": [*figures.plot_svg(results), *_experiment_section(model)],
     }
     sections["Sources"] = _cited_sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
@@ -98,7 +98,7 @@ def index_page(model: Model) -> bytes:
 
 def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
     """Return the figure of the mechanism with its caption."""
-    shown = figures.picture(model, results)
+    shown = figures.picture_svg(model, results)
     command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
     return shown and [
         *shown,
@@ -279,6 +279,6 @@ def _experiment_section(model: Model) -> list[str]:
 
 def _cited_sources(sections: dict[str, list[str]]) -> list[str]:
     """Return the bibliography of the marks in the other sections."""
-    entries = cited("\n".join(line for lines in sections.values() for line in lines))
+    entries = cited_entries("\n".join(line for lines in sections.values() for line in lines))
     titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}
     return [f"<p><b>{mark}</b> {text}</p>" for mark, text in titled.items()]

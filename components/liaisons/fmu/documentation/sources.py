@@ -16,7 +16,7 @@ def bibliography() -> dict[str, str]:
     return {mark: " ".join(entry.split()) for mark, entry in _ENTRY.findall(text)}
 
 
-def cited(text: str) -> dict[str, str]:
+def cited_entries(text: str) -> dict[str, str]:
     """Return the entries that a text cites; a mark of one letter counts only before a locator: "M 8.2", "K Ex. 3"."""
     locator = r"(?= (?:\d|eq\.|Ex\.|sec\.|fig\.|ref\.))"
     marks = {mark: rf"\b{mark}\b{locator if len(mark) == 1 else ''}" for mark in bibliography()}

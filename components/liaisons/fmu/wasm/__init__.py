@@ -33,22 +33,22 @@ def binary_path(name: str) -> str:
     return f"binaries/wasm32-wasip2/{name}.wasm"
 
 
-def component(sources: Mapping[str, bytes]) -> bytes:
+def compile_component(sources: Mapping[str, bytes]) -> bytes:
     """Return the WebAssembly component of an FMU of FMI 3.0.
 
     :param sources: contents of its ``.c`` and ``.h`` files by name.
     :returns: the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    return _packaged_file("wrapper.wasm").replace(component_section(EMPTY), component_section(core_module(sources)))
+    return _packaged_file("wrapper.wasm").replace(section_bytes(EMPTY), section_bytes(compile_core_module(sources)))
 
 
-def core_module(sources: Mapping[str, bytes]) -> bytes:
+def compile_core_module(sources: Mapping[str, bytes]) -> bytes:
     """Compile the core module of a component: the functions of the draft, laid out by the canonical ABI."""
     return compile_wasm({**sources, "wasm.c": _packaged_file("wasm.c")})
 
 
-def component_section(module: bytes) -> bytes:
+def section_bytes(module: bytes) -> bytes:
     """Return a core module as a section of a component: its kind, its length in seven bits a byte, and itself."""
     head, rest = b"\x01", len(module)
     while rest > 127:
@@ -56,7 +56,7 @@ def component_section(module: bytes) -> bytes:
     return head + bytes([rest]) + module
 
 
-def manifest() -> dict[str, bytes]:
+def manifest_members() -> dict[str, bytes]:
     """Return the manifest: the version of the draft, and a hash of what an FMU's component is made by."""
     recipe = hashlib.sha256(
         " ".join(WASM_FLAGS).encode() + _packaged_file("wasm.c") + _packaged_file("wrapper.wasm")

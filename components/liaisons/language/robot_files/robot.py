@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from liaisons.base.arguments import as_path, listed, shown
-from liaisons.base.xml_documents import tree
+from liaisons.base.arguments import as_path, name_list, shown
+from liaisons.base.xml_documents import read_tree
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.declarations import Declaration, Gravity
 from liaisons.language.joints import MOMENTS, Body, BodyFrame, BodyJoint, Weld, named
@@ -65,10 +65,10 @@ class Robot:
 
     def __init__(self, path: Path | str, root: str, prescribe: Iterable[str], *, limits: bool) -> None:
         self.path, self.limits = as_path("path", path, ComponentError), limits
-        self.prescribe = dict.fromkeys(listed("prescribe", prescribe, ComponentError), False)
+        self.prescribe = dict.fromkeys(name_list("prescribe", prescribe, ComponentError), False)
         try:
             with self.path.open("rb") as file:
-                self.document = tree(file)
+                self.document = read_tree(file)
         except (OSError, ValueError) as error:
             raise ComponentError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
         if self.document.tag != root:
