@@ -39,12 +39,12 @@ class RelatedFile:
 
     @property
     def member(self) -> str:
-        """Path in the archive, where the manifest may name what is not there."""
+        """Path in the archive, from the URI."""
         return posixpath.normpath(f"{FOLDER}/{self.source}")
 
 
 def related_files(archive: Archive) -> list[RelatedFile]:
-    """Return the files that the manifest of an FMU names and the archive has.
+    """The files that the manifest of an FMU names, without those that are not in the archive.
 
     :raises SimulationError: if the manifest is of another version, or damaged.
     """

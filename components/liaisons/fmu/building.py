@@ -86,9 +86,9 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     experimental = manifest_members() if platforms == "wasm" else {}
-    members = _with_guid_and_origin(members, model) | experimental
+    members = _with_guid_and_provenance(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
-    paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
+    paths = {target: f"binaries/{target.binaries_folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
         paths[target]: partial(compile_library, code, target, cross=platforms == "all")
         for target in (TARGETS if platforms == "all" else [host_target()])
@@ -106,7 +106,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 
 @lru_cache(maxsize=128)
 def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
-    """Return the sources of an FMU, which also say whether a file is up to date."""
+    """Return the source files of an FMU with a placeholder for the guid, by name."""
     return source_files(model, _NO_GUID, fmi, arrays=arrays)
 
 
@@ -118,14 +118,14 @@ def _build_python(model: Model, output: Path) -> Path:
     refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
-    members = _with_guid_and_origin(python_members(flat, _NO_GUID), model)
+    members = _with_guid_and_provenance(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
         write_archive(path, members | icon_members(flat, "2"))
     return path
 
 
-def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
-    """Return the members with their origin and their guid, a hash of all of them and of the compiler's options."""
+def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
+    """Return the members with the guid, a hash of them and of the compiler's flags, in place of the placeholder."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
@@ -134,6 +134,6 @@ def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, 
     return members | {_DESCRIPTION: with_provenance(members[_DESCRIPTION], model)}
 
 
-def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:
-    """Return whether the archive has the same model description, and the same of some other members."""
-    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *also))
+def _is_current(path: Path, members: dict[str, bytes], *compared: str) -> bool:
+    """Return whether an archive has the same model description, and the same content of the members to be compared."""
+    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *compared))

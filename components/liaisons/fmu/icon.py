@@ -31,7 +31,7 @@ _METADATA = {"png": {"Software": None}, "svg": dict.fromkeys(("Creator", "Date",
 
 
 def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return the icon as PNG and SVG by path in the archive; FMI 2.0 has a PNG at the root, too."""
+    """Return the files of the icon, PNG and SVG, by path in the archive; FMI 2.0 has a PNG at the root, too."""
     import matplotlib.style
     from matplotlib.figure import Figure
 
@@ -50,7 +50,7 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 
 def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
-    """Draw named points, else a path in the plane or in phase space, else a signal; return False if nothing moves."""
+    """Draw paths of points, else a path in the plane or in phase space, else a signal; returns whether it did."""
     if results is None:
         return False
     points = _paths_in_planes(results, "point")
@@ -85,7 +85,7 @@ def _draw_paths(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
 
 
 def _paths_in_planes(results: Trajectory, kind: str) -> list[NDArray]:
-    """Return paths of points among the ports of a kind, (n, count, 2) each, in the two of x, y, z that vary most."""
+    """Return paths of points whose ports are of a kind, (n, count, 2) each, in the plane in which they vary most."""
     components: dict[str, list[str]] = {}
     for port in results.model.ports:
         point, _, axis = port.name.rpartition("_")

@@ -83,7 +83,7 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Return the integrated default experiment; None if it is singular, has contacts or samples, or takes too long."""
+    """Return the trajectory of the default experiment; None for contacts, samples, singularities, or too much work."""
     count = model.derivatives.numel_in(1)
     if model.contacts or model.sample or count * INTERVALS > WORK:
         return None
@@ -127,7 +127,7 @@ _Motion = Callable[[float], NDArray]
 
 
 def _input_motion(model: Model, start: NDArray) -> _Motion:
-    """Return the inputs as a function of time: prescribed coordinates at constant acceleration, others at rest.
+    """Return the inputs as a function of time: prescribed coordinates of constant acceleration, other inputs constant.
 
     Such a motion is exact in an FMU for any communication step size.
     """
@@ -166,7 +166,7 @@ def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion,
 
 
 def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
-    """Return dy/dt of (t, y), which raises an error when the allowed work is done."""
+    """Return the function (t, y) → dy/dt, which raises _GivenUpError after too many calls."""
     state, result = np.zeros((2, model.derivatives.numel_out(0)))
     time = np.zeros(1)
     call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
@@ -186,7 +186,7 @@ def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[flo
 
 
 def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dict[str, bytes]:
-    """Return the manifest and, with results, their tables and parameters, by path in the archive.
+    """Return the files of fmi-ls-ref by path in the archive: manifest, and tables and parameters of the results.
 
     :param results: of this model; None where there are none.
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
@@ -223,7 +223,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
-    """Return the inputs that leave their start values, with their values, (n, 1)."""
+    """Return the values of the inputs that leave their start values, shape (n, count) each."""
     indices = index_ranges(model.inputs)
     values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
     return {variable: column for variable, column in values.items() if np.any(column != variable.starts)}
@@ -241,7 +241,7 @@ def _parameter_set(starts: Mapping[str, float]) -> bytes:
 
 
 def table_variables(model: Model) -> list[Variable]:
-    """Return the variables in the table: states, energy, operators' forces, signals; no long arrays."""
+    """Return the variables of the table of results: states, energy, operators' forces, signals; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
     forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
@@ -251,7 +251,7 @@ def table_variables(model: Model) -> list[Variable]:
 
 
 def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
-    """Return a table of the times (n,) and of variables (n, count)."""
+    """Return a CSV file with times, shape (n,), and variables, shape (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[e.name for e in v.elements()] if fmi == "2" else [v.name] for v in shown]
@@ -264,7 +264,7 @@ def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> b
 
 
 def _rounded(column: NDArray) -> NDArray:
-    """Return the columns with nine digits of their greatest number; rounding errors alone become 0."""
+    """Return columns rounded to nine digits of their greatest number; columns of rounding errors become 0."""
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)

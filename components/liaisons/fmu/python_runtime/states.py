@@ -26,13 +26,13 @@ _DIGEST = 64
 
 
 def to_bytes(state: State) -> bytes:
-    """Saved state as bytes with a checksum."""
+    """Bytes of a saved state, with a checksum."""
     text = json.dumps(state).encode()
     return hashlib.sha256(text).hexdigest().encode() + text
 
 
 def from_bytes(state: bytes) -> State:
-    """Saved state from bytes; an empty one if they are damaged."""
+    """Saved state that bytes hold; empty if they are damaged."""
     digest, text = state[:_DIGEST], state[_DIGEST:]
     try:
         members = json.loads(text) if hashlib.sha256(text).hexdigest().encode() == digest else {}
@@ -60,5 +60,5 @@ def is_usable(state: State, present: State, component: ComponentTable) -> bool:
 
 
 def _types(state: State) -> dict[str, Any]:
-    """Types of all members, and of the elements of lists."""
+    """Type of each member by name; of a list those of its elements."""
     return {name: [*map(type, value)] if isinstance(value, list) else type(value) for name, value in state.items()}
