@@ -34,7 +34,6 @@ class RelatedFile:
     type: str
     source: str
     role: str
-    description: str = ""
     labels: set[str] = field(default_factory=set)
 
     @property
@@ -56,8 +55,7 @@ def related_files(archive: Archive) -> list[RelatedFile]:
             if version not in READ_VERSIONS:
                 raise ValueError(f"fmi-ls-ref of version {version} is not read; {', '.join(READ_VERSIONS)} are")
         elif tag == "Related":
-            source, role = attributes["source"], attributes["role"]
-            files.append(RelatedFile(attributes.get("type", _BYTES), source, role, attributes.get("description", "")))
+            files.append(RelatedFile(attributes.get("type", _BYTES), attributes["source"], attributes["role"]))
         elif tag == "Label":
             files[-1].labels.add(attributes["name"])
 

@@ -55,9 +55,8 @@ _FACTOR = re.compile(r"^([A-Za-z]+|1)(-?\d+)?$")
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: its name, the non-zero exponents of its base units, and its display units."""
+    """A unit: the non-zero exponents of its base units, and its display units."""
 
-    name: str
     exponents: tuple[tuple[str, int], ...]
     display: tuple[tuple[str, float], ...]
 
@@ -86,7 +85,7 @@ def parse(name: str) -> Unit:
         for base, exponent in factors:
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
-    return Unit(name, ordered, _DISPLAY.get(name, ()))
+    return Unit(ordered, _DISPLAY.get(name, ()))
 
 
 def size_in_si(measured: str, unit: str) -> float:

@@ -46,12 +46,10 @@ _SSP = "http://ssp-standard.org/SSP1/"
 _CONTACTS = "contacts have no integration that is independent of the FMU"
 _SAMPLES = "at a sample the outputs depend on whether inputs are set before they are read"
 _GIVEN_UP = "it leads to a singularity, or there is too much to integrate while an FMU is built"
-_ABOUT = """\
-{name}_out.csv: results of the default experiment, every {interval:g} s, {starts}.
-Integrated by DOP853 with a relative tolerance of {tolerance:g} from the functions that the FMU was generated from, not
-by the FMU; nine digits of the greatest number of a column.  With its default tolerance the FMU agrees to 1e-7 of that
-number.
-"""
+_ABOUT = (
+    f"Results of the default experiment, integrated independently of the FMU by DOP853 with a relative tolerance of "
+    f"{TOLERANCE:g}; nine digits of the greatest number of each column"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +66,6 @@ class Trajectory:
     def _output_ranges(self) -> dict[str, range]:
         """Indices of each output's elements, by name."""
         return index_ranges(self.model.outputs)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._output_ranges
 
     def __getitem__(self, name: str) -> NDArray:
         """Values of an output, shape (n, count)."""
@@ -209,15 +204,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             table = _csv_table(results.times, inputs, fmi)
             add("text/csv", f"{model.name}_in.csv", "testcase", "Inputs of the reference results", table)
         shown = {v: _rounded(results[v.name]) for v in table_variables(model)}
-        about = "Results of the default experiment, integrated independently of the FMU"
-        add("text/csv", f"{model.name}_out.csv", "result", about, _csv_table(results.times, shown, fmi))
-        own = [f"parameters of {model.name}.ssv"] * bool(starts) + [f"inputs of {model.name}_in.csv"] * bool(inputs)
-        members["documentation/fmi-ls-ref.txt"] = _ABOUT.format(
-            name=model.name,
-            interval=model.experiment.stop_time / INTERVALS,
-            starts=" and ".join([*own, "all else at its start value"]),
-            tolerance=TOLERANCE,
-        ).encode()
+        add("text/csv", f"{model.name}_out.csv", "result", _ABOUT, _csv_table(results.times, shown, fmi))
     why = _CONTACTS if model.contacts else _SAMPLES if model.sample else _GIVEN_UP
     return {MANIFEST: _manifest(related, why), **members}
 

@@ -62,9 +62,8 @@ class LabelledSignals:
     @property
     def index(self) -> dict[str, NDArray[Any]]:
         """Values along the axes of each signal, by name: ``"time"`` [s], ``"case"`` from 0, or both."""
-        axes = {"time": self.time, "case": np.arange(self.values.shape[-1])}
-        chosen = {"simulation": ["time"], "sweep": ["case"], "ensemble": ["time", "case"]}[self.kind]
-        return {axis: axes[axis] for axis in chosen}
+        times = {"time": self.time} if self.time.size else {}
+        return times if self.kind == "simulation" else {**times, "case": np.arange(self.values.shape[-1])}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A signal or an array of them by its name: numbers, or strings.

@@ -23,8 +23,8 @@ _MOST_SHAPES = 60  # of a longer chain the page would be all picture
 _COLOURS = ("#c8532b", "#2f6fa8", "#3f8f6b", "#8a5aa8")
 
 
-def picture_svg(model: Model, results: Trajectory | None) -> list[str]:
-    """Return lines of SVG: the mechanism at the start of its default experiment; none without a picture.
+def picture_faces(model: Model, results: Trajectory | None) -> list[Face]:
+    """Return the mechanism at the start of its default experiment, with its trail; nothing without a picture.
 
     :param results: of the default experiment, if there are any.
     """
@@ -37,7 +37,7 @@ def picture_svg(model: Model, results: Trajectory | None) -> list[str]:
     if not any(shape["shape"] == "trail" for shape in declared.shapes):
         time, backwards = time[:1], {name: column[-1:] for name, column in backwards.items()}
     seen = frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
-    return _svg_polygons(Stage(seen).faces(len(seen.time) - 1), model.name)
+    return Stage(seen).faces(len(seen.time) - 1)
 
 
 def _picture_values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
@@ -66,8 +66,10 @@ def _element_names(variables: Iterable[Variable]) -> list[str]:
     return [element.name for variable in variables for element in variable.elements()]
 
 
-def _svg_polygons(faces: list[Face], name: str) -> list[str]:
-    """Return lines of SVG with polygons, scaled to the width of the page."""
+def picture_svg(faces: list[Face], name: str) -> list[str]:
+    """Return lines of SVG with faces, scaled to the width of the page; none without faces."""
+    if not faces:
+        return []
     corners = np.concatenate([face.corners for face in faces])
     low, high = corners.min(axis=0), corners.max(axis=0)
     scale = float(np.min(np.array([_WIDTH, _TALLEST]) / np.maximum(high - low, 1e-9)))

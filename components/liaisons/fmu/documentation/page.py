@@ -98,7 +98,7 @@ def index_page(model: Model) -> bytes:
 
 def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
     """Return the figure of the mechanism with its caption."""
-    shown = figures.picture_svg(model, results)
+    shown = figures.picture_svg(figures.picture_faces(model, results), model.name)
     command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
     return shown and [
         *shown,

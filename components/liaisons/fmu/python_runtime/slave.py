@@ -23,13 +23,14 @@ from pythonfmu.enums import Fmi2Status
 
 from .component import load_component, start_values
 from .motion import Motion, MotionError
-from .states import LOOSEST, NUMBERS, TIGHTEST, State, from_bytes, is_usable, to_bytes
+from .states import NUMBERS, State, from_bytes, is_usable, to_bytes
 
 held: list[dict[str, Any]] = []  # see python_backend
 
 _FIXED = "it is a fixed parameter; set it before initialization ends"
 _FAILED = "initialization failed before this state was saved; reset and initialize again"
 _NEVER = math.nan, math.nan
+_TIGHTEST, _LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
 
 
 @cache
@@ -91,7 +92,7 @@ class Slave(Fmi2Slave):
                 return
         n.t[0] = start_time
         if tolerance is not None:
-            n.tolerance[0] = min(max(tolerance, TIGHTEST), LOOSEST)
+            n.tolerance[0] = min(max(tolerance, _TIGHTEST), _LOOSEST)
             if n.tolerance[0] != tolerance:
                 text = f"tolerance = {tolerance:g} is out of range, {n.tolerance[0]:g} is used"
                 self.log(text, Fmi2Status.warning)
@@ -269,7 +270,7 @@ class Slave(Fmi2Slave):
 
     def _set_fmu_state(self, state: State) -> None:
         """Restore a saved state, or refuse the next step if it is damaged or foreign."""
-        if not is_usable(state, self._get_fmu_state(), self._component):
+        if not is_usable(state, self._get_fmu_state()):
             self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
             self.log(self._refused[-1], Fmi2Status.discard)
             return
