@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, final
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
-from liaisons.base.arguments import quoted
+from liaisons.base.arguments import shown
 from liaisons.errors import LiaisonsError, SimulationError
 
 UNPACKED_LIMIT = 2**30
@@ -25,7 +25,6 @@ LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
 
 _MOST_MEMBERS = 50_000
 _LONGEST_DIRECTORY = 2**24  # bytes; Python reads it as a whole
-_PORTION = 2**20
 _DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error, OverflowError)
 """Exceptions of Python for a damaged file."""
 
@@ -116,7 +115,7 @@ class Archive:
         with self.open(name) as file:
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as out:
-                shutil.copyfileobj(file, out, _PORTION)
+                shutil.copyfileobj(file, out)
 
     def extract(self, folder: Path, excluded_prefixes: tuple[str, ...] = ()) -> Path:
         """Extract all files and folders whose names do not begin with a prefix.
@@ -154,7 +153,7 @@ class Archive:
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
-                raise SimulationError(f"{self.path}: {quoted(member.orig_filename)} inside {reason}; export it anew")
+                raise SimulationError(f"{self.path}: {shown(member.orig_filename)} inside {reason}; export it anew")
             members[member.filename] = member
         return members
 

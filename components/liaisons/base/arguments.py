@@ -35,11 +35,6 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def quoted(text: str) -> str:
-    """Text in quotation marks, cut to 80 characters, for messages."""
-    return repr(text if len(text) <= 80 else f"{text[:77]}...")
-
-
 def name_list(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
     """Names as a list, of one if a single name is given; raises the error for anything but names."""
     if isinstance(names, str):

@@ -33,13 +33,7 @@ def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
         for n in range(order + 1, count):
             taylor = taylor + begin[n] * size ** (n - order) / math.factorial(n - order)
         lacks.append((end[order] - taylor) * size**order)
-    rows: list[Any] = []
-    for first, *factors in _UPPER[count]:
-        row = first * lacks[0]
-        for factor, lack in zip(factors, lacks[1:], strict=True):
-            row = row + factor * lack
-        rows.append(row)
-    return rows
+    return [sum(factor * lack for factor, lack in zip(factors, lacks, strict=True)) for factors in _UPPER[count]]
 
 
 @cache

@@ -21,11 +21,9 @@ def port_names(value: str) -> PortNames:
     """Names of the variables of a port: of ``bob_x[3]`` rate ``bob_x_dot[3]``, point ``bob[3]``, axis ``x``."""
     base = value.partition("[")[0] if value.endswith("]") else value
     index = value[len(base) :]
-    rate, acceleration, force, load = (f"{base}{end}{index}" for end in ("_dot", "_ddot", "_force", "_load"))
     point, _, axis = base.rpartition("_")
-    if not point or axis not in {"x", "y", "z"}:
-        return PortNames(value, rate, acceleration, force, load, "", "")
-    return PortNames(value, rate, acceleration, force, load, f"{point}{index}", axis)
+    place = (f"{point}{index}", axis) if point and axis in {"x", "y", "z"} else ("", "")
+    return PortNames._make([*(f"{base}{end}{index}" for end in ("", "_dot", "_ddot", "_force", "_load")), *place])
 
 
 def impulse_name(force: str) -> str:

@@ -29,7 +29,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.origin import with_provenance
-from liaisons.fmu.wasm import binary_path, compile_component, manifest_members
+from liaisons.fmu.wasm import compile_component, manifest_members
 from liaisons.mechanics.model import Model, refuse_contacts
 
 _DESCRIPTION = "modelDescription.xml"
@@ -55,7 +55,7 @@ def build(model: Model, settings: BuildSettings) -> Path:
         raise BuildError(f"{model.name}: FMUs in Python take no samples; take backend='native'")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
-    if backend == "auto" and fmi == "2" and not _compiler_command():
+    if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
         _warn_no_compiler()
         backend = "python"
     if backend == "python":
@@ -63,11 +63,6 @@ def build(model: Model, settings: BuildSettings) -> Path:
     if fmi == "3":
         output = output / "fmi3" if settings.arrays else output / "fmi3" / "scalars"
     return _build_native(model, output, platforms, fmi, arrays=settings.arrays)
-
-
-def _compiler_command() -> list[str] | None:
-    """Return the command of a C compiler; None if there is none."""
-    return system_compiler() or zig_compiler()
 
 
 @cache
@@ -94,7 +89,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         for target in (TARGETS if platforms == "all" else [host_target()])
     }
     if platforms == "wasm":
-        binaries[binary_path(model.name)] = partial(compile_component, code)
+        binaries[f"binaries/wasm32-wasip2/{model.name}.wasm"] = partial(compile_component, code)
         if _is_current(path, members):  # existing binaries are kept beside the component
             members |= {name: binary for name in paths.values() if (binary := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
@@ -114,7 +109,9 @@ def _build_python(model: Model, output: Path) -> Path:
     """Build an FMU in Python, unless the file is up to date."""
     from liaisons.fmu.python_backend import python_members
 
-    remedy = "take backend='native'" if _compiler_command() else f"native FMUs take them: {INSTALLATION}"
+    remedy = (
+        "take backend='native'" if system_compiler() or zig_compiler() else f"native FMUs take them: {INSTALLATION}"
+    )
     refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()

@@ -75,7 +75,11 @@ def running_outputs(model: Model) -> ca.Function:
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:
     """Return the pattern of the Jacobians of the first result by some arguments, side by side."""
-    return csr_array(hstack([_jacobian_pattern(function, argument) for argument in arguments], format="csr"))
+    patterns = []
+    for sparsity in (function.jac_sparsity(0, argument) for argument in arguments):
+        rows, columns = np.array(sparsity.get_triplet(), dtype=int)
+        patterns.append(csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape))
+    return csr_array(hstack(patterns, format="csr"))
 
 
 def _variable_pattern(
@@ -131,7 +135,7 @@ def event_outputs(model: Model) -> tuple[set[str], set[str]]:
         return set(), set()
     own = tuple(f"{array_and_index(contact.name)[0]}_" for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
-    rows = _jacobian_pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
+    rows = jacobian_sparsity(model.outputs_function, [4])[:, modes].nonzero()[0]
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]
     changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
     return changing, changing | {outputs[row] for row in rows}
@@ -140,10 +144,3 @@ def event_outputs(model: Model) -> tuple[set[str], set[str]]:
 def _inlined_call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
     """Return the results of a call, inlined if the function is of MX type."""
     return list(function.call(list(arguments), function.is_a("MXFunction"), False))
-
-
-def _jacobian_pattern(function: ca.Function, argument: int) -> csr_array:
-    """Return the pattern of the Jacobian of the first result by one argument."""
-    sparsity = function.jac_sparsity(0, argument)
-    rows, columns = np.array(sparsity.get_triplet(), dtype=int)
-    return csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape)

@@ -13,7 +13,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -62,14 +62,9 @@ class Trajectory:
     states: NDArray
     values: NDArray
 
-    @cached_property
-    def _output_ranges(self) -> dict[str, range]:
-        """Indices of each output's elements, by name."""
-        return index_ranges(self.model.outputs)
-
     def __getitem__(self, name: str) -> NDArray:
         """Values of an output, shape (n, count)."""
-        return self.values[:, self._output_ranges[name]]
+        return self.values[:, index_ranges(self.model.outputs)[name]]
 
 
 class _GivenUpError(Exception):
@@ -255,8 +250,7 @@ def _rounded(column: NDArray) -> NDArray:
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)
-    rounded = [[round(float(x), int(d)) + 0.0 for x, d in zip(row, digits, strict=True)] for row in column]
-    return np.array(rounded)
+    return np.array([[round(float(x), int(d)) + 0.0 for x, d in zip(row, digits, strict=True)] for row in column])
 
 
 def _manifest(related: list[dict[str, str]], why: str) -> bytes:

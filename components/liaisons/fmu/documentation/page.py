@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import replace
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
@@ -21,7 +20,6 @@ from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
-from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
 
 _JOINT = "where the link before ends, or its rate"
@@ -160,7 +158,7 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", (*model.outputs, *_merged_picture_variables(model.drawn))),
+        ("Outputs and local variables", model.outputs),
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_html_table(head, (_variable_cells(v, printer) for v in variables))]
@@ -173,12 +171,6 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
         )
         lines += ["<h3>Further symbols</h3>", *_html_table(("", "name", "meaning"), rows)]
     return lines
-
-
-def _merged_picture_variables(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
-    """Return one array variable for all variables that are only drawn; an empty tuple if there are none."""
-    named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
-    return tuple(named)
 
 
 def _symbol_meaning(name: str, variables: Collection[str]) -> str:

@@ -152,7 +152,9 @@ class _Link:
             [*(x for _, _, x in plan.carried), *(x for _, x in plans.stored_arrays(index))],
         )
         for number in sorted(needed | read):
-            text = self._texts[number] if number in read else self._expression_text(number)
+            if (text := self._texts.get(number)) is None:
+                leaf = plans.leaf(number)
+                text = leaf.text if leaf else _operation_text(plans.nodes[number], self.operand)
             if (self._use_counts[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
                 self.lines.append(f"const double a{number} = {_without_brackets(text)};")
                 text = f"a{number}"
@@ -166,11 +168,6 @@ class _Link:
         if leaf and leaf.each:  # carried, but needed in no operation
             return leaf.text
         return self._writer.scalar_operand(number)
-
-    def _expression_text(self, number: int) -> str:
-        """Return the C text of a leaf or operation."""
-        leaf = self._writer.plans.leaf(number)
-        return leaf.text if leaf else _operation_text(self._writer.plans.nodes[number], self.operand)
 
 
 def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:

@@ -28,11 +28,6 @@ _MANIFEST = f"""\
 """
 
 
-def binary_path(name: str) -> str:
-    """Return the path of the WebAssembly component in the FMU of a model."""
-    return f"binaries/wasm32-wasip2/{name}.wasm"
-
-
 def compile_component(sources: Mapping[str, bytes]) -> bytes:
     """Compile the WebAssembly component of an FMU of FMI 3.0.
 
