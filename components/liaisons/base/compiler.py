@@ -146,8 +146,7 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     :returns: the module; the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    zig = zig_compiler()
-    if zig is None:
+    if (zig := zig_compiler()) is None:
         raise BuildError(no_compiler_message(" for WebAssembly"))
     command = [*zig, *WASM_FLAGS, *flags]
     return _compile_and_link(command, command, sources, "module.wasm")

@@ -35,9 +35,10 @@ def knots(
         agree to :data:`ROUNDING`.
     :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
-    named = zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
     columns = {
-        name: _checked_column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]
+        name: _checked_column(name, column)
+        for name, column in zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
+        if column is not None or name in _COLUMNS[:2]
     }
     t = columns["times"]
     for name, column in columns.items():

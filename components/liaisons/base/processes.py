@@ -55,8 +55,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
     :returns: in the parent the id of the guard, in the new process 0.
     """
     parent = os.getpid()
-    guard = os.fork()
-    if guard:
+    if guard := os.fork():
         return guard
     guard = os.getpid()
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)

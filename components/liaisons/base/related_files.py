@@ -14,7 +14,6 @@ NAME = "org.fmi-standard.fmi-ls-ref"
 VERSION = "1.0.0-beta.1"
 READ_VERSIONS = (VERSION, "1.0.0-alpha.1")
 """Versions that are read; the later one adds labels, annotations and the role ``meta-data``."""
-_BYTES = "application/octet-stream"
 NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
 FOLDER = f"extra/{NAME}"
 MANIFEST = f"{FOLDER}/fmi-ls-manifest.xml"
@@ -55,7 +54,11 @@ def related_files(archive: Archive) -> list[RelatedFile]:
             if version not in READ_VERSIONS:
                 raise ValueError(f"fmi-ls-ref of version {version} is not read; {', '.join(READ_VERSIONS)} are")
         elif tag == "Related":
-            files.append(RelatedFile(attributes.get("type", _BYTES), attributes["source"], attributes["role"]))
+            files.append(
+                RelatedFile(
+                    attributes.get("type", "application/octet-stream"), attributes["source"], attributes["role"]
+                )
+            )
         elif tag == "Label":
             files[-1].labels.add(attributes["name"])
 

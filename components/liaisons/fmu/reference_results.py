@@ -103,8 +103,10 @@ def _with_reference_starts(model: Model) -> Model:
     scalars = [v.name for v in (*model.parameters, *model.inputs) if v.dimension is None]
     for name in reference:
         if name not in scalars:
-            unknown = f"{name!r} is no scalar parameter or input{suggestion(name, scalars)}"
-            raise ComponentError(f"{model.name}: Experiment(reference=...): {unknown}")
+            raise ComponentError(
+                f"{model.name}: Experiment(reference=...): {name!r} is no scalar parameter or input"
+                f"{suggestion(name, scalars)}"
+            )
 
     def started(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
         return tuple(replace(v, start=reference[v.name]) if v.name in reference else v for v in variables)

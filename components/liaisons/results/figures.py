@@ -112,7 +112,7 @@ def _draw_diagrams(
             style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
             if timed and result.element(name) in result.jumping:
                 style["drawstyle"] = "steps-post"
-            _draw_curves(diagram, result.sized(name), x, signals[name], style)
+            _draw_curves(diagram, name, x, signals[name], style)
         diagram.set_ylabel(f"[{unit}]" if unit else "")
         if text:
             texts = result.texts[result.element(text)]
@@ -213,14 +213,15 @@ def new_figure(*, in_pyplot: bool) -> Figure:
     return figure
 
 
-def _draw_curves(diagram: Axes, label: str, x: Floats, values: Floats, style: Mapping[str, Any]) -> None:
+def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Mapping[str, Any]) -> None:
     """Draw the curve of a signal, or a curve of each element of an array, the first ones pale."""
     columns = values.reshape(len(values), -1).T
     along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
     for abscissa, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
         diagram.plot(abscissa, column, **style, alpha=alpha, linewidth=1.2)
     if len(columns):
-        diagram.lines[-1].set_label(label)
+        size = "×".join(map(str, values.shape[1:]))
+        diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
 
 
 def _distinguishable_names(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
