@@ -164,7 +164,6 @@ def test_what_is_written_is_read(built: dict[str, Path]) -> None:
         files = {file.role: file for file in related_files(archive)}
     assert files.keys() == {"parameter", "testcase", "result", "document"}
     assert files["document"].member == "documentation/index.html"
-    assert files["document"].description == "Description of the model with its equations"
     assert files["result"].labels == files["parameter"].labels == files["testcase"].labels == {"default-experiment"}
 
 
