@@ -243,7 +243,7 @@ def test_what_is_extracted(tmp_path: Path) -> None:
     more = (hostile.Member(b"resources/empty/"), hostile.Member(b"sources/a.c", b"?"), hostile.Member(b"a/b/c", b"abc"))
     hostile.text(hostile.GOOD, *more)(path)
     with Archive(path) as archive:
-        folder = archive.extract(tmp_path / "folder", without=("sources/",))
+        folder = archive.extract(tmp_path / "folder", excluded_prefixes=("sources/",))
     found = sorted(str(file.relative_to(folder)) for file in folder.rglob("*"))
     assert [name for name in found if not name.startswith("binaries")] == [
         *("a", "a/b", "a/b/c", "modelDescription.xml", "resources", "resources/empty"),
@@ -346,6 +346,18 @@ def test_cache_does_not_grow_without_bounds(monkeypatch: pytest.MonkeyPatch, tem
     stored = {path.name for path in entries.iterdir()}
     assert {*keys[-20:]} <= stored
     assert len(stored) < 24  # removed after each eighth of the limit
+
+
+def test_user_without_a_home_has_a_cache_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> Path:
+        raise RuntimeError(f"{path}: no home")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "expanduser", refuse)
+    monkeypatch.setattr(cache, "_entries", {})
+    assert cache.folder() == Path(os.devnull) / "liaisons"
+    cache.write_entry("key", b"content")
+    assert cache.read_entry("key") == b"content"
 
 
 # ---- how a run may end
