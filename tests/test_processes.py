@@ -17,7 +17,7 @@ _CHILD = """
 import ctypes, sys
 from liaisons.base import processes
 if "watched" in sys.argv:
-    processes._set_death_signal = lambda: False
+    processes._process_control = lambda *_: False
 processes.die_with_parent(int(sys.argv[1]))
 sys.stdout.write("ready")
 sys.stdout.flush()

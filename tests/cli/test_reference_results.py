@@ -154,7 +154,7 @@ def test_manifests_of_others_are_read(built: dict[str, Path], tmp_path: Path) ->
     path = edited(built["Sinusoid"], tmp_path, "fmi-ls-manifest.xml", lambda _: MANIFEST_OF_OTHERS)
     with Archive(path) as archive:
         (file,) = related_files(archive)  # without those that are not there, or elsewhere
-    assert (file.type, file.role, file.description) == ("application/octet-stream", "meta-data", "")
+    assert (file.type, file.role) == ("application/octet-stream", "meta-data")
     assert file.member == "modelDescription.xml"
     assert file.labels == {"os:linux", "late"}
 
@@ -164,7 +164,6 @@ def test_what_is_written_is_read(built: dict[str, Path]) -> None:
         files = {file.role: file for file in related_files(archive)}
     assert files.keys() == {"parameter", "testcase", "result", "document"}
     assert files["document"].member == "documentation/index.html"
-    assert files["document"].description == "Description of the model with its equations"
     assert files["result"].labels == files["parameter"].labels == files["testcase"].labels == {"default-experiment"}
 
 

@@ -181,7 +181,7 @@ def compile_library(trial: Trial, name: str, flags: Sequence[str], cc: Sequence[
     objects.mkdir(exist_ok=True)
     compiled = []
     for source in sorted(folder.glob("*.c")):
-        content = repr((*cc, *flags, compiler._with_headers(source.name, contents)))
+        content = repr((*cc, *flags, compiler._file_and_headers(source.name, contents)))
         compiled.append(objects / f"{hashlib.sha256(content.encode()).hexdigest()}.o")
         if not compiled[-1].exists():
             run(*cc, *STRICT, "-fPIC", *flags, "-c", source, "-o", compiled[-1])

@@ -243,7 +243,7 @@ def test_what_is_extracted(tmp_path: Path) -> None:
     more = (hostile.Member(b"resources/empty/"), hostile.Member(b"sources/a.c", b"?"), hostile.Member(b"a/b/c", b"abc"))
     hostile.text(hostile.GOOD, *more)(path)
     with Archive(path) as archive:
-        folder = archive.extract(tmp_path / "folder", without=("sources/",))
+        folder = archive.extract(tmp_path / "folder", excluded_prefixes=("sources/",))
     found = sorted(str(file.relative_to(folder)) for file in folder.rglob("*"))
     assert [name for name in found if not name.startswith("binaries")] == [
         *("a", "a/b", "a/b/c", "modelDescription.xml", "resources", "resources/empty"),
@@ -282,13 +282,13 @@ def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  #
             return start(*arguments)
 
         monkeypatch.setattr(trial, name, counted)
-    monkeypatch.setattr(cache, "_remembered", set())
+    monkeypatch.setattr(cache, "_entries", {})
     return made
 
 
 def _again(path: Path, **starts: Any) -> None:
     """Simulate as a new process would, that knows nothing but the cache."""
-    cache._remembered.clear()
+    cache._entries.clear()
     path.touch()  # so that it is read anew
     simulate(path, stop_time=1.0, step_size=0.5, **starts)
 
@@ -320,26 +320,44 @@ def test_fmu_that_was_built_here_is_not_tried(trials: list[object], tmp_path: Pa
 
 
 def test_cache_that_cannot_be_used(fmu: FmuPaths, trials: list[object], temporary: Path) -> None:
-    folder = temporary.parent / "cache" / "liaisons"
-    folder.mkdir(parents=True)
-    (folder / "fmus-that-run").mkdir()
+    entries = temporary.parent / "cache" / "liaisons" / "entries"
+    entries.parent.mkdir(parents=True)
+    entries.write_text("a file, where a folder is wanted", encoding="utf-8")
     _again(fmu("Cubic"))
     _again(fmu("Cubic"))
     assert len(trials) == 2
-    (folder / "fmus-that-run").rmdir()
-    (folder / "fmus-that-run").write_bytes(b"\xff\xfe")
+    entries.unlink()
     _again(fmu("Cubic"))
     _again(fmu("Cubic"))
     assert len(trials) == 3
+    for entry in entries.iterdir():
+        entry.write_bytes(b"\xff\xfe")
+    _again(fmu("Cubic"))
+    assert len(trials) == 4
 
 
 def test_cache_does_not_grow_without_bounds(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> None:
-    monkeypatch.setattr(cache, "_MOST", 20)
-    for k in range(50):
-        cache.add_trusted_fmu(f"{k:064x}")
-    file = temporary.parent / "cache" / "liaisons" / "fmus-that-run"
-    assert file.read_text().splitlines() == [f"{k:064x}" for k in range(30, 50)]
-    assert [path.name for path in file.parent.iterdir()] == [file.name]
+    monkeypatch.setattr(cache, "_entries", {})
+    monkeypatch.setattr(cache, "_LARGEST", 20 * (cache._BLOCK + 32))
+    entries, keys = temporary.parent / "cache" / "liaisons" / "entries", [f"{k:064x}" for k in range(50)]
+    for second, key in enumerate(keys):
+        cache.add_trusted_fmu(key)
+        os.utime(entries / key, (second, second))
+    stored = {path.name for path in entries.iterdir()}
+    assert {*keys[-20:]} <= stored
+    assert len(stored) < 24  # removed after each eighth of the limit
+
+
+def test_user_without_a_home_has_a_cache_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> Path:
+        raise RuntimeError(f"{path}: no home")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "expanduser", refuse)
+    monkeypatch.setattr(cache, "_entries", {})
+    assert cache.folder() == Path(os.devnull) / "liaisons"
+    cache.write_entry("key", b"content")
+    assert cache.read_entry("key") == b"content"
 
 
 # ---- how a run may end

@@ -128,21 +128,21 @@ def test_object_files_are_stored_for_other_processes_until_all_are_too_large(tmp
 
     def compilers(source: dict[str, bytes]) -> int:
         commands.clear()
-        monkeypatch.setattr(compiler.cache, "_objects", {})  # as in another process
+        monkeypatch.setattr(compiler.cache, "_entries", {})  # as in another process
         assert compiler.compile_library(source, compiler.host_target())[:4] == library[:4]
         return len(commands)
 
     library = compiler.compile_library(source, compiler.host_target())
-    (stored,) = (tmp_path / "objects").iterdir()
+    (stored,) = (tmp_path / "entries").iterdir()
     assert compilers(source) == 1  # only the linker
     monkeypatch.setenv("CPATH", str(tmp_path))
     assert compilers(source) == 2  # headers may be others
     monkeypatch.delenv("CPATH")
     stored.write_bytes(stored.read_bytes()[:-1])
     assert compilers(source) == 2
-    monkeypatch.setattr(compiler.cache, "_LARGEST", int(1.5 * stored.stat().st_size))
+    monkeypatch.setattr(compiler.cache, "_LARGEST", int(1.5 * (stored.stat().st_size + compiler.cache._BLOCK)))
     assert compilers({"a.c": b"int two(void) { return 2; }\n"}) == 2
-    (newest,) = (tmp_path / "objects").iterdir()
+    (newest,) = (tmp_path / "entries").iterdir()
     assert newest != stored
     assert compilers(source) == 2
 

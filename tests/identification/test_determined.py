@@ -58,7 +58,7 @@ def not_determined(component: type[Component], *, forces: bool) -> list[str]:
     motion = motion_of(model, unknown, times, record=signals, start_values=start_values)
     data = {"time": times, **dict(zip(signals, motion(motion.values), strict=True))}
     fit = identify(model, data, unknown, noise=1e-3, start_values=start_values, segments=1)
-    return [sentence.partition(" by ")[0].replace("*", r"\*") for sentence in fit.estimate.sentences]
+    return [sentence.partition(" by ")[0].replace("*", r"\*") for sentence in fit.estimate.indeterminacy_sentences]
 
 
 def row(name: str) -> str:

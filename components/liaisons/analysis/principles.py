@@ -161,7 +161,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     C, velocities = constraints.matrix, equations.unconstrained_velocities
     residuals = ca.substitute(constraints.rate_residuals, m.free.q_dot, velocities)
     metric, zero = inertia_of(m, equations.lagrangian), ca.SX.zeros(velocities.shape)
-    correction, _ = metric.under(C, zero, -residuals, constraints.squares)
+    correction, _ = metric.solve_constrained(C, zero, -residuals, constraints.squares)
     H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
     field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, velocities + correction))
     return Quantity(equations, ca.vertcat(*field), conservative=True)

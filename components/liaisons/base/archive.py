@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, final
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
-from liaisons.base.arguments import quoted
+from liaisons.base.arguments import shown
 from liaisons.errors import LiaisonsError, SimulationError
 
 UNPACKED_LIMIT = 2**30
@@ -25,13 +25,12 @@ LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
 
 _MOST_MEMBERS = 50_000
 _LONGEST_DIRECTORY = 2**24  # bytes; Python reads it as a whole
-_PORTION = 2**20
 _DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error, OverflowError)
 """Exceptions of Python for a damaged file."""
 
 
 def unpacked_limit() -> int:
-    """Largest size of an unpacked archive in bytes.
+    """Largest allowed size of an archive in bytes, unpacked.
 
     :raises SimulationError: if :data:`LIMIT_VARIABLE` is no positive number.
     """
@@ -47,18 +46,18 @@ def unpacked_limit() -> int:
         raise SimulationError(f"{LIMIT_VARIABLE} = {text!r}: give a number of bytes, for example 4e9") from None
 
 
-def size_error(what: str, size: int) -> SimulationError:
-    """Error for an archive above the limit of size."""
+def size_error(label: str, size: int) -> SimulationError:
+    """Error for an archive whose unpacked size is above the limit."""
     return SimulationError(
-        f"{what} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
+        f"{label} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
         f"limit by {LIMIT_VARIABLE}"
     )
 
 
 def file_identity(path: Path) -> tuple[int, ...]:
-    """Time, size and inode of a regular file, which differ where its content does.
+    """Time of modification, size and inode of a file, which tell whether it was changed or replaced.
 
-    :raises SimulationError: if it is missing, no regular file, or cannot be accessed.
+    :raises SimulationError: if it is missing, no regular file, or cannot be read.
     """
     try:
         status = path.stat()
@@ -86,7 +85,7 @@ class Archive:
         self.path = path
         file_identity(path)  # raises if there is none
         with ExitStack() as stack, self._translated_errors(Exception):  # anything in an untrusted file
-            self._zip = stack.enter_context(ZipFile(stack.enter_context(_LimitedReader(path))))
+            self._zip = stack.enter_context(ZipFile(stack.enter_context(_DirectoryLimitedFile(path))))
             self._members = self._checked_members()
             self.names = [name for name in self._members if not name.endswith("/")]
             self.folders = [name for name in self._members if name.endswith("/")]
@@ -103,37 +102,35 @@ class Archive:
 
     @contextmanager
     def open(self, name: str) -> Iterator[IO[bytes]]:
-        """Open a file of the archive."""
+        """Yield an open file of the archive."""
         with self._translated_errors(*_DAMAGE), self._zip.open(self._members[name]) as file:
             yield file
 
     def unpacked_size(self, name: str) -> int:
-        """Unpacked size of a file in bytes."""
+        """Size of a file of the archive in bytes, unpacked."""
         return self._members[name].file_size
 
     def copy(self, name: str, target: Path) -> None:
-        """Copy a file out of the archive."""
+        """Extract a file of the archive to a path, whose folder is made."""
         with self.open(name) as file:
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as out:
-                shutil.copyfileobj(file, out, _PORTION)
+                shutil.copyfileobj(file, out)
 
-    def extract(self, folder: Path, without: tuple[str, ...] = ()) -> Path:
-        """Extract all files but those with one of these prefixes.
+    def extract(self, folder: Path, excluded_prefixes: tuple[str, ...] = ()) -> Path:
+        """Extract all files and folders whose names do not begin with a prefix.
 
         :returns: the folder.
         """
         for name in self._members:
-            if name.endswith("/"):
-                with self._translated_errors():
-                    (folder / name).mkdir(parents=True, exist_ok=True)
-            elif not name.startswith(without):
-                self.copy(name, folder / name)
+            if not name.startswith(excluded_prefixes):
+                with self._translated_errors(*_DAMAGE):
+                    self._zip.extract(name, folder)
         return folder
 
     @contextmanager
     def _translated_errors(self, *damage: type[Exception]) -> Iterator[None]:
-        """Raise the archive's errors of reading as SimulationError."""
+        """Raise a SimulationError instead of an OSError, or of an exception for a damaged archive."""
         try:
             yield
         except LiaisonsError:
@@ -145,7 +142,7 @@ class Archive:
             raise SimulationError(f"{self.path}: {kind} ({error}); build or copy it again") from None
 
     def _checked_members(self) -> dict[str, ZipInfo]:
-        """Members of the archive by name, checked for unsafe paths, methods and duplicates."""
+        """Members of the archive by name; raises a SimulationError for unsafe, unreadable or contradictory ones."""
         members: dict[str, ZipInfo] = {}
         listed = self._zip.infolist()
         if len(listed) > _MOST_MEMBERS:
@@ -156,24 +153,24 @@ class Archive:
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
-                raise SimulationError(f"{self.path}: {quoted(member.orig_filename)} inside {reason}; export it anew")
+                raise SimulationError(f"{self.path}: {shown(member.orig_filename)} inside {reason}; export it anew")
             members[member.filename] = member
         return members
 
 
 @final
-class _LimitedReader(io.FileIO):
-    """A file with limited reads: a too long directory is not read into memory."""
+class _DirectoryLimitedFile(io.FileIO):
+    """An archive file whose directory is not read into memory if it is too long."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read bytes, unless more are asked for than a directory may have."""
+        """Read bytes; raises BadZipFile for more than a directory may have."""
         if size is not None and size > _LONGEST_DIRECTORY:
             raise BadZipFile(f"a directory of {size} bytes")
         return super().read(size) or b""
 
 
 def _refusal_reason(member: ZipInfo) -> str:
-    """Reason to refuse a member; empty if there is none."""
+    """Reason why a member is refused, as the end of a sentence; empty if it is not."""
     name = member.orig_filename
     if not name or "\0" in name:
         return "is no name of a file"

@@ -30,18 +30,13 @@ T = TypeVar("T")
 
 
 def shown(value: object) -> str:
-    """Value in one line of at most 80 characters, for messages."""
+    """The repr of a value on one line of at most 80 characters, for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def quoted(text: str) -> str:
-    """Text in quotation marks, cut to 80 characters, for messages."""
-    return repr(text if len(text) <= 80 else f"{text[:77]}...")
-
-
 def name_list(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
-    """Names as a list, checked; one name is a list of one."""
+    """Names as a list, of one if a single name is given; raises the error for anything but names."""
     if isinstance(names, str):
         return [names]
     items = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
@@ -51,7 +46,7 @@ def name_list(label: str, names: object, error: Error = InvalidValueError) -> li
 
 
 def name_dictionary(label: str, dictionary: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
-    """Dictionary whose keys are checked to be names."""
+    """The dictionary itself; raises the error unless its keys are names."""
     if not isinstance(dictionary, Mapping) or not all(isinstance(name, str) for name in dictionary):
         raise error(f"{label} = {shown(dictionary)}: give a dictionary with names as keys")
     return dictionary
@@ -60,7 +55,10 @@ def name_dictionary(label: str, dictionary: object, error: Error = InvalidValueE
 def merged_start_values(
     label: str, start_values: object, keywords: Mapping[str, T], error: Error = InvalidValueError
 ) -> dict[str, T]:
-    """Start values from a dictionary, or None, and from keywords; a name in both is an error."""
+    """Start values of a dictionary and of keywords in one dictionary; raises the error for a name in both.
+
+    :param start_values: None for none.
+    """
     values = dict(name_dictionary(f"{label}: start_values", {} if start_values is None else start_values, error))
     for name in keywords:
         if name in values:
@@ -90,7 +88,7 @@ def with_settings(
 
 
 def with_arguments(make: Callable[P, S]) -> Callable[[Callable[[S], R]], Callable[P, R]]:
-    """Decorate a function of one object: callers give the arguments of the function that makes the object."""
+    """Decorate a function of one object: callers give the arguments from which ``make`` makes it."""
 
     def decorate(function: Callable[[S], R]) -> Callable[P, R]:
         @wraps(function)
@@ -105,7 +103,7 @@ def with_arguments(make: Callable[P, S]) -> Callable[[Callable[[S], R]], Callabl
 
 @contextmanager
 def start_value_hints(variables: Collection[str]) -> Iterator[None]:
-    """Let errors about a setting tell where the value of a variable of the same name is given."""
+    """Add a hint at ``start_values`` to errors of the context about a setting that is called like a variable."""
     try:
         yield
     except LiaisonsError as error:
@@ -116,7 +114,7 @@ def start_value_hints(variables: Collection[str]) -> Iterator[None]:
 
 
 def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:
-    """Path, checked to be one."""
+    """The path as a Path; raises the error for what is none."""
     if not isinstance(path, (str, os.PathLike)):
         raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
@@ -136,7 +134,7 @@ def check_positive(label: str, value: object, error: Error = InvalidValueError) 
 
 
 def checked_stop_and_step(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
-    """Stop time and step size, checked."""
+    """Stop time and step size [s]; raises InvalidValueError if they are missing or contradict the start time."""
     if stop_time is None or step_size is None:
         raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
     check_finite("start_time", start_time)
@@ -150,7 +148,7 @@ def checked_stop_and_step(start_time: float, stop_time: float | None, step_size:
 
 
 def float_array(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
-    """Numbers as an array, checked."""
+    """Numbers as an array of floats; raises the error for what are none."""
     import numpy as np  # slow to load: the command line's help does without
 
     try:
@@ -161,10 +159,10 @@ def float_array(label: str, values: object, error: Error = InvalidValueError) ->
     raise error(f"{label} = {shown(values)}: give numbers")
 
 
-def check_integer(label: str, value: object, error: Error = InvalidValueError, *, least: int = 1) -> None:
-    """Raise an error unless the value is a whole number, ``least`` or more."""
-    if not isinstance(value, Integral) or value < least:
-        raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
+def check_integer(label: str, value: object, error: Error = InvalidValueError, *, minimum: int = 1) -> None:
+    """Raise an error unless the value is an integer, ``minimum`` or more."""
+    if not isinstance(value, Integral) or value < minimum:
+        raise error(f"{label} = {shown(value)}: give a whole number, {minimum} at least")
 
 
 def check_choice(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:

@@ -17,28 +17,26 @@ _ELEMENT = re.compile(rf"(.+)\[({_INDEX}(?:,{_INDEX})*)\]", re.DOTALL)
 
 
 def element_indices(shape: Shape) -> Iterator[str]:
-    """Indices of the elements of an array, ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, the last one running fastest."""
-    if len(shape) == 1:
-        return map(str, range(1, shape[0] + 1))
+    """Yield the indices of all elements of an array: ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, row by row."""
     return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
 
 
 def array_and_index(name: str) -> tuple[str, Shape | None]:
-    """Name of the array and index of an element, ``("theta", (3,))`` for ``"theta[3]"``; other names and None."""
+    """Name of the array, and index: ``("theta", (3,))`` of ``"theta[3]"``, ``("theta", None)`` of ``"theta"``."""
     if not name.endswith("]"):  # most of them, at a tenth of the cost
         return name, None
     match = _ELEMENT.fullmatch(name)
     return (match[1], tuple(map(int, match[2].split(",")))) if match else (name, None)
 
 
-def suffixed_name(name: str, ending: str) -> str:
-    """Name with an ending before the index of the element: ``x_dot[2]`` for ``x[2]``."""
+def suffixed_name(name: str, suffix: str) -> str:
+    """Name with a suffix, which stands before an index: ``x_dot[2]`` for ``x[2]``."""
     array, bracket, index = name.partition("[")
-    return f"{array}{ending}{bracket}{index}"
+    return f"{array}{suffix}{bracket}{index}"
 
 
 def element_offset(index: Shape, shape: Shape) -> int | None:
-    """Number of an element from 0, the last index running fastest; None if there is no such element."""
+    """Position of an element in its array, from 0, row by row; None if the array has no such element."""
     if len(index) != len(shape):
         return None
     number = 0
@@ -50,7 +48,7 @@ def element_offset(index: Shape, shape: Shape) -> int | None:
 
 
 def complete_shape(indices: Sequence[Shape]) -> Shape | None:
-    """Shape of the array with these indices; None unless they are all indices of one, in order."""
+    """Shape of the array whose elements have these indices; None unless they are all of its indices, row by row."""
     shape = indices[-1]
     if math.prod(shape) != len(indices):
         return None

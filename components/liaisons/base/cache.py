@@ -1,18 +1,23 @@
-"""The user's cache: object files, compiled libraries, and digests of FMUs that need no trial before they are run."""
+"""The user's cache: object files, compiled libraries, and digests of FMUs that need no trial before they are run.
+
+An entry is a file whose name is its key: a checksum, and the content.
+"""
 
 from __future__ import annotations
 
 import os
-import secrets
 import sys
 from contextlib import suppress
+from functools import lru_cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
-_MOST = 1000  # digests that are stored, the newest
-_LARGEST = 2**27  # bytes of all object files that are stored, those that were used last
-_remembered: set[str] = set()  # by this process, also if the cache cannot be written
-_objects: dict[str, bytes] = {}  # likewise
+from liaisons.base.files import atomic_replacement
+
+_LARGEST = 2**27  # bytes of all entries that are stored, those that were used last
+_CHECKSUM = 32  # bytes of SHA-256
+_BLOCK = 2**12  # bytes that a file takes beside its content, at most
+_entries: dict[str, bytes] = {}  # of this process, also if the cache cannot be written
 
 
 def folder() -> Path:
@@ -38,67 +43,50 @@ def digest(path: Path) -> str:
 
 def is_trusted_fmu(key: str) -> bool:
     """Whether an FMU with this digest was built by us, or has been tried with success."""
-    return key in _remembered or key in _stored_digests()
+    return read_entry(key) is not None
 
 
 def add_trusted_fmu(key: str) -> None:
-    """Store a digest; where the cache cannot be written, for this process only."""
-    _remembered.add(key)
-    path = _digests_file()
-    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    lines = [line for line in _stored_digests() if line != key][1 - _MOST :]
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_text("\n".join([*lines, key]), encoding="ascii")
-            part.replace(path)  # of two at once one is lost, and its FMU tried again
-        finally:
-            part.unlink(missing_ok=True)
-
-
-def _digests_file() -> Path:
-    """Path of the file of stored digests."""
-    return folder() / "fmus-that-run"
-
-
-def _stored_digests() -> list[str]:
-    """Stored digests, the newest last."""
-    try:
-        return _digests_file().read_text(encoding="ascii").splitlines()
-    except (OSError, ValueError):  # ValueError: not ours
-        return []
+    """Store the digest of an FMU that was built by us, or has been tried with success."""
+    write_entry(key, b"")
 
 
 def read_entry(key: str) -> bytes | None:
-    """Content of a stored object file; None if it is not there as a whole."""
-    path = folder() / "objects" / key
+    """Content of an entry; None if there is none, or a damaged one."""
+    path = _entries_folder() / key
     with suppress(OSError):
-        content = path.read_bytes() if key not in _objects else b""
-        if content[:32] == sha256(content[32:]).digest():
-            _objects[key] = content[32:]
+        content = path.read_bytes() if key not in _entries else b""
+        if content[:_CHECKSUM] == sha256(content[_CHECKSUM:]).digest():
+            _entries[key] = content[_CHECKSUM:]
             os.utime(path)
-    return _objects.get(key)
+    return _entries.get(key)
 
 
 def write_entry(key: str, content: bytes) -> None:
-    """Store an object file, and remove those that were not used for the longest time, if all are too large."""
-    _objects[key] = content
-    path = folder() / "objects" / key
-    part = path.with_name(f".{key}.{secrets.token_hex(4)}")
+    """Store an entry; where the cache cannot be written, for this process only."""
+    _entries[key] = content
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
+        _entries_folder().mkdir(parents=True, exist_ok=True)
+        with atomic_replacement(_entries_folder() / key) as part:
             part.write_bytes(sha256(content).digest() + content)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-        size = 0
-        for status, file in sorted(((file.stat(), file) for file in path.parent.iterdir()), key=_newest_first):
-            size += status.st_size
-            if size > _LARGEST:
-                file.unlink(missing_ok=True)
+        used = sum(_BLOCK + len(each) for each in _entries.values())
+        _remove_least_recent(_entries_folder(), 8 * used // _LARGEST)
 
 
-def _newest_first(entry: tuple[os.stat_result, Path]) -> int:
-    """Key that sorts files by the time of their last use, the newest first."""
-    return -entry[0].st_mtime_ns
+def _entries_folder() -> Path:
+    """Path of the folder of entries."""
+    return folder() / "entries"
+
+
+@lru_cache(maxsize=1)
+def _remove_least_recent(entries: Path, _eighth: int) -> None:
+    """Remove the entries that were not used for the longest time, if all are too large.
+
+    :param _eighth: of the limit, to which this process has come; the folder is not read more often.
+    """
+    size = 0
+    files = ((file.stat(), file) for file in entries.iterdir())
+    for status, file in sorted(files, key=lambda entry: entry[0].st_mtime_ns, reverse=True):
+        size += _BLOCK + status.st_size
+        if size > _LARGEST:
+            file.unlink(missing_ok=True)

@@ -11,8 +11,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -61,7 +61,7 @@ class BuildSettings:
 
     @property
     def folder(self) -> Path:
-        """Folder of the FMUs, in which ``fmi3/`` and ``python/`` lie."""
+        """Folder of the FMUs of FMI 2.0; its folders ``fmi3/`` and ``python/`` have the others."""
         return fmus_directory() if self.output is None else as_path("output", self.output, BuildError)
 
 
@@ -74,8 +74,8 @@ class Target:
     triple: str
     flags: tuple[str, ...] = ()
 
-    def folder(self, fmi: Fmi) -> str:
-        """Folder of a version of FMI in ``binaries/``."""
+    def binaries_folder(self, fmi: Fmi) -> str:
+        """Name of its folder in ``binaries/``, which depends on the version of FMI."""
         return self.folders[("2", "3").index(fmi)]
 
 
@@ -114,7 +114,7 @@ def zig_compiler() -> list[str] | None:
 
 
 def no_compiler_message(aim: str = "") -> str:
-    """Message where a C compiler is needed and there is none.
+    """Message that a C compiler is needed and how to install one.
 
     :param aim: ``" for WebAssembly"``; empty: any compiler would do.
     """
@@ -133,12 +133,10 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     compiler = zig if cross else system_compiler() or zig
     if compiler is None:
         raise BuildError(no_compiler_message(" for other platforms" if cross else ""))
-    aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
-    with _source_folder(sources) as (folder, names):
-        objects = _compile_files([*compiler, *aim, *FLAGS, *target.flags], names, sources, folder)
-        library = folder / f"library{target.extension}"
-        _run_compiler([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
-        return library.read_bytes()
+    command = [*compiler, "-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else compiler
+    return _compile_and_link(
+        [*command, *FLAGS], [*command, "-shared"], sources, f"library{target.extension}", target.flags
+    )
 
 
 def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
@@ -148,37 +146,45 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     :returns: the module; the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    zig = zig_compiler()
-    if zig is None:
+    if (zig := zig_compiler()) is None:
         raise BuildError(no_compiler_message(" for WebAssembly"))
-    with _source_folder(sources) as (folder, names):
-        objects = _compile_files([*zig, *WASM_FLAGS, *flags], names, sources, folder)
-        _run_compiler([*zig, *WASM_FLAGS, *flags, *objects, "-o", "module.wasm"], folder)
-        return (folder / "module.wasm").read_bytes()
+    command = [*zig, *WASM_FLAGS, *flags]
+    return _compile_and_link(command, command, sources, "module.wasm")
 
 
-def _compile_files(command: list[str], names: list[str], sources: Mapping[str, bytes], folder: Path) -> list[str]:
-    """Compile each file, or take it from the cache: FMUs have the same runtime.
+def _compile_and_link(
+    compiler: list[str], linker: list[str], sources: Mapping[str, bytes], output: str, libraries: Iterable[str] = ()
+) -> bytes:
+    """Compile C files, or take their object files from the cache, and link them.
 
-    :param command: compiler, and its flags for all that it does.
-    :returns: names of the object files, in the folder of the sources.
+    :param compiler: command with its flags, some of which may be for the linker.
+    :param linker: command with its flags, but for the libraries.
+    :param output: name of the file that is linked.
+    :returns: its content.
     """
-    command = [word for word in command if not _is_linker_flag(word)]
-    identity = _identity(command)
-    for name in names:
-        # Relative to the folder: no path gets into the library.
-        compiling = [*command, "-I.", "-c", name, "-o", f"{name}.o"]
-        key = hashlib.sha256(repr((compiling, identity, _with_headers(name, sources))).encode()).hexdigest()
-        if (stored := cache.read_entry(key)) is None:
-            _run_compiler(compiling, folder)
-            cache.write_entry(key, (folder / f"{name}.o").read_bytes())
-        else:
-            (folder / f"{name}.o").write_bytes(stored)
-    return [f"{name}.o" for name in names]
+    compiler = [word for word in compiler if not _is_linker_flag(word)]
+    identity = _compiler_identity(compiler)
+    with tempfile.TemporaryDirectory(prefix="liaisons-") as path:
+        folder = Path(path)
+        for name, content in sources.items():
+            (folder / name).write_bytes(content)
+        objects = []
+        for name in sorted(name for name in sources if name.endswith(".c")):
+            objects.append(f"{name}.o")
+            # Relative to the folder: no path gets into the library.
+            command = [*compiler, "-I.", "-c", name, "-o", f"{name}.o"]
+            key = hashlib.sha256(repr((command, identity, _file_and_headers(name, sources))).encode()).hexdigest()
+            if (stored := cache.read_entry(key)) is None:
+                _run_compiler(command, folder)
+                cache.write_entry(key, (folder / f"{name}.o").read_bytes())
+            else:
+                (folder / f"{name}.o").write_bytes(stored)
+        _run_compiler([*linker, *objects, "-o", output, *libraries], folder)
+        return (folder / output).read_bytes()
 
 
-def _identity(command: list[str]) -> list[object]:
-    """What differs after a compiler was updated, or finds other headers."""
+def _compiler_identity(command: list[str]) -> list[object]:
+    """Path, time and size of a compiler, and the folders of its headers: what differs after an update."""
     module = find_spec("ziglang") if "ziglang" in command else None
     program = Path((module and module.origin) or command[0]).resolve()
     status = program.stat() if program.is_file() else None
@@ -186,17 +192,8 @@ def _identity(command: list[str]) -> list[object]:
     return [program, *seen, *map(os.environ.get, ("CPATH", "C_INCLUDE_PATH"))]
 
 
-@contextmanager
-def _source_folder(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
-    """Yield a folder with the sources, and the names of the C files."""
-    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
-        for name, content in sources.items():
-            Path(folder, name).write_bytes(content)
-        yield Path(folder), sorted(name for name in sources if name.endswith(".c"))
-
-
-def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
-    """A file and the headers that it includes, with their contents."""
+def _file_and_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
+    """Names and contents of a file and of the headers that it includes."""
     files = [name]
     for file in files:
         headers = re.findall(rb'^#include "([^"]+)"', sources[file], re.MULTILINE)
@@ -210,7 +207,7 @@ def _is_linker_flag(flag: str) -> bool:
 
 
 def _run_compiler(command: list[str], folder: Path) -> None:
-    """Run a compiler, and raise a BuildError with its first words if it fails."""
+    """Run a compiler in a folder; raises a BuildError with its first words if it fails, or does not end in time."""
     try:
         process = subprocess.Popen(
             command,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import secrets
 import shutil
 import stat
 import sys
@@ -19,41 +20,51 @@ from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 
 @contextmanager
-def replacement_path(path: Path) -> Iterator[Path]:
+def atomic_replacement(path: Path) -> Iterator[Path]:
     """Yield a temporary path, whose file replaces another one at the end unless an exception is raised.
 
     Links are followed.  A device, a pipe, the file of a standard stream, and a file in a folder that cannot be written
     are overwritten instead.
 
+    :raises OSError: if it cannot be written.
+    """
+    if _must_be_overwritten(path):
+        with tempfile.TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
+            part = Path(folder, path.name)
+            yield part
+            with part.open("rb") as source, _open_for_overwriting(path) as sink:
+                shutil.copyfileobj(source, sink)
+        return
+    target = path.resolve()
+    part = _temporary_path(target)
+    try:
+        yield part
+        part.replace(target)
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacement_path(path: Path) -> Iterator[Path]:
+    """Yield the path of :func:`atomic_replacement`, for a file that a user has named.
+
     :raises SimulationError: if it cannot be written.
     """
     try:
-        if _is_overwritten(path):
-            with tempfile.TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-                part = Path(folder, path.name)
-                yield part
-                with part.open("rb") as source, _open_for_overwriting(path) as sink:
-                    shutil.copyfileobj(source, sink)
-            return
-        target = path.resolve()
-        part = _temporary_path(target)
-        try:
+        with atomic_replacement(path) as part:
             yield part
-            part.replace(target)
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
     except OSError as error:
         raise _unwritable_error(path, error) from None
 
 
 def check_writable(path: Path) -> None:
-    """Raise a SimulationError, before a long run, for a path that :func:`replacing` could not write after it.
+    """Raise the SimulationError of :func:`replacement_path` before a long run, not after it.
 
     :raises SimulationError: if it cannot be written.
     """
     try:
-        if not _is_overwritten(path):
+        if not _must_be_overwritten(path):
             part = _temporary_path(path.resolve())
             part.open("xb").close()
             part.unlink()
@@ -66,7 +77,7 @@ def check_writable(path: Path) -> None:
 
 
 def read_csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
-    """Read headings, units and rows of a CSV file, separated by commas, semicolons or tabulators.
+    """Read a CSV file with commas, semicolons or tabulators; returns headings, units and rows.
 
     Lines that begin with ``#`` are left out, but for that below the headings, where units are; empty if there is none.
 
@@ -116,18 +127,18 @@ def read_toml_arguments(
 
 
 def file_beside(path: Path, name: str) -> str:
-    """Path of a file in the folder of another one; the name as it is if there is no such file."""
+    """Path of the file of a name in the folder of ``path``; the name itself if there is no such file."""
     file = path.parent / name
     return str(file) if file.is_file() else name
 
 
 def _temporary_path(target: Path) -> Path:
-    """Temporary path beside a file."""
-    return target.with_name(f".{target.name}.{os.getpid()}.part")
+    """New path beside a file."""
+    return target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
 
 
-def _is_overwritten(path: Path) -> bool:
-    """Whether a file has to be overwritten instead of replaced."""
+def _must_be_overwritten(path: Path) -> bool:
+    """Whether a file is none that can be replaced: a device, a pipe, a standard stream, or in a locked folder."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -137,7 +148,7 @@ def _is_overwritten(path: Path) -> bool:
 
 
 def _standard_stream(status: os.stat_result) -> int | None:
-    """Descriptor of the standard output or error, if it goes to this file."""
+    """File descriptor, 1 or 2, of the standard output or error, if it goes to this file; else None."""
     for descriptor in (1, 2):
         with suppress(OSError):  # it is closed
             if os.path.samestat(status, os.fstat(descriptor)):

@@ -29,7 +29,7 @@ for folder in folders:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """Yield a new folder, removed at the end of the context, or after this process if that is killed."""
+    """Yield a new folder, which is removed at the end of the context, or when this process is killed."""
     folder = TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)
     _report_folder(folder.name)
     try:
@@ -41,21 +41,24 @@ def temporary_folder() -> Iterator[Path]:
 
 @lru_cache(maxsize=1)
 def process_folder() -> Path:
-    """Make the folder of this process, removed when it ends; one for all calls."""
+    """Path of the temporary folder of this process, made at the first call and removed when the process ends."""
     stack = ExitStack()
     atexit.register(stack.close)
     return stack.enter_context(temporary_folder())
 
 
 def _report_folder(name: str) -> None:
-    """Tell the janitor that a folder is created or removed."""
+    """Send the name of a folder to the janitor, when it is created and when it is removed."""
     with suppress(OSError):  # no second process: then only the context removes it
         os.write(_start_janitor(os.getpid()), os.fsencode(name).hex().encode() + b"\n")
 
 
 @lru_cache(maxsize=1)
 def _start_janitor(_process: int) -> int:
-    """Start the janitor of this process, and return the pipe to it; a forked process starts its own."""
+    """Start a process that removes folders after this one has ended; returns the pipe to it.
+
+    :param _process: id of this process: a forked one starts its own.
+    """
     read, write = os.pipe()
     try:
         janitor = subprocess.Popen(

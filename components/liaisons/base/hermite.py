@@ -21,12 +21,10 @@ lacks of the data at the end.
 
 
 def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
-    """Upper coefficients, of the powers m ... 2m - 1 of θ, which runs from 0 to 1 over the interval.
+    """Coefficients of θ^m ... θ^(2m - 1) in the Hermite polynomial; those of lower powers are of the Taylor polynomial.
 
-    Those of lower powers are the Taylor polynomial's.
-
-    :param begin: value and derivatives by time at θ = 0, m of them, at most 3; ``end`` those at θ = 1.
-    :param size: of the interval.
+    :param begin: value and derivatives by time at the begin, θ = 0: m numbers, at most 3; ``end`` those at θ = 1.
+    :param size: length of the interval [s].
     """
     count = len(begin)
     lacks: list[Any] = []
@@ -35,20 +33,14 @@ def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
         for n in range(order + 1, count):
             taylor = taylor + begin[n] * size ** (n - order) / math.factorial(n - order)
         lacks.append((end[order] - taylor) * size**order)
-    rows: list[Any] = []
-    for first, *factors in _UPPER[count]:
-        row = first * lacks[0]
-        for factor, lack in zip(factors, lacks[1:], strict=True):
-            row = row + factor * lack
-        rows.append(row)
-    return rows
+    return [sum(factor * lack for factor, lack in zip(factors, lacks, strict=True)) for factors in _UPPER[count]]
 
 
 @cache
 def coefficient_matrix(count: int) -> NDArray[np.float64]:
-    """Coefficients of all powers of θ as linear functions of the data; shape (2 count, 2 count).
+    """Matrix from data at both ends to coefficients of a Hermite polynomial in θ, 0 ≤ θ ≤ 1; shape (2 count, 2 count).
 
-    The data are derivatives with respect to θ, those at θ = 0 first.
+    The data are value and derivatives by θ, ``count`` at θ = 0, then as many at θ = 1.
     """
     data = np.eye(2 * count)
     lower = [row / math.factorial(order) for order, row in enumerate(data[:count])]

@@ -11,7 +11,7 @@ from types import FrameType
 
 @contextmanager
 def deferred_interrupts() -> Iterator[list[int]]:
-    """Collect the first interrupt from the keyboard in a list; a second one acts at once.
+    """Yield a list to which the first interrupt from the keyboard is appended; a second one acts at once.
 
     A communication step is not broken off in its middle, where an FMU of Python code would take it for its own error.
     """

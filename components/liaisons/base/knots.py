@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import shown
+from liaisons.base.arguments import float_array, shown
 from liaisons.base.hermite import upper_coefficients
 from liaisons.errors import SimulationError, suggestion
 
@@ -27,7 +27,7 @@ def knots(
     accelerations: ArrayLike | None = None,
     join: Join = "quintic",
 ) -> NDArray[np.float64]:
-    """Knots (t, σ, σ̇, σ̈), a column each, shape (4, n).
+    """Table of knots of a motion: rows t, σ, σ̇, σ̈, a column a knot; shape (4, n).
 
     Rates and accelerations that are not given are those of a curve between jumps; see :func:`liaisons.tabulated`.
 
@@ -35,9 +35,10 @@ def knots(
         agree to :data:`ROUNDING`.
     :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
-    named = zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
     columns = {
-        name: _checked_column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]
+        name: _checked_column(name, column)
+        for name, column in zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
+        if column is not None or name in _COLUMNS[:2]
     }
     t = columns["times"]
     for name, column in columns.items():
@@ -57,7 +58,7 @@ def knots(
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
         smooth = join == "quintic" or part.size == 1
         own = t[part], columns["values"][part]
-        parts.append(_spline_knots(*own, *beside) if smooth else _jumping_knots(*own, join))
+        parts.append(_spline_knots(*own, *beside) if smooth else _piecewise_knots(*own, join))
     table = np.concatenate(parts, axis=1)
     jumps = np.flatnonzero(np.diff(table[0]) == 0) + 1
     agree = _agree_with_previous(table, jumps)
@@ -66,7 +67,7 @@ def knots(
 
 
 def _agree_with_previous(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether the knots of columns ``later`` agree with those before them to rounding, shape (3, n)."""
+    """Whether σ, σ̇, σ̈ in the columns ``later`` agree with the columns before them to rounding; shape (3, n)."""
     span = table[0, -1] - table[0, 0]
     powers = span ** np.arange(3)[:, None] if span > 0 else np.ones((3, 1))  # so that all rows have the unit of a value
     rows = table[1:] * powers
@@ -75,11 +76,8 @@ def _agree_with_previous(table: NDArray[np.float64], later: NDArray[np.intp]) ->
 
 
 def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
-    """Column as an array of finite numbers, checked."""
-    try:
-        numbers = np.asarray(column, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.zeros((0, 0))
+    """Column as an array of floats; raises a SimulationError unless they are finite, in one dimension."""
+    numbers = float_array(name, column, SimulationError)
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise SimulationError(f"{name} = {shown(column)}: give finite numbers, one a time")
     return numbers
@@ -88,7 +86,7 @@ def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
 def _spline_knots(
     times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
 ) -> NDArray[np.float64]:
-    """Knots at these times; rates and accelerations that are missing are those of a spline."""
+    """Table of knots at these times; a spline gives the rates and accelerations that are None."""
     from scipy.interpolate import make_interp_spline  # slow to load
 
     def derivative(column: NDArray, order: int) -> NDArray[np.float64]:
@@ -100,8 +98,8 @@ def _spline_knots(
     return np.array([times, values, derivative(values, 1) if rates is None else rates, accelerations])
 
 
-def _jumping_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
-    """Knots at both ends of each interval of a piecewise polynomial, whose derivatives jump between intervals."""
+def _piecewise_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
+    """Table of knots at both ends of each interval of lines or cubics (PCHIP), whose derivatives jump between them."""
     from scipy.interpolate import PchipInterpolator, PPoly  # slow to load
 
     steps = np.diff(times)
@@ -115,7 +113,7 @@ def _jumping_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.fl
 
 
 def piecewise_polynomial(table: NDArray[np.float64]) -> PPoly:
-    """The piecewise polynomial through knots, shape (4, n); at a jump it has the limit from the right."""
+    """The quintic piecewise polynomial through a table of knots; at a jump it has the limit from the right."""
     from scipy.interpolate import PPoly  # slow to load
 
     t, y, v, a = table

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from ctypes import CDLL
 from functools import lru_cache
 from hashlib import sha256
@@ -10,52 +9,40 @@ from pathlib import Path
 
 from liaisons.base import cache
 from liaisons.base.compiler import FLAGS, compile_library, host_target
-from liaisons.base.files import replacement_path
+from liaisons.base.files import atomic_replacement
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import logger
-from liaisons.errors import BuildError, SimulationError
+from liaisons.errors import BuildError
 
 
 @lru_cache
-def compiled_library(sources: tuple[Path, ...], without: str) -> CDLL | None:
-    """The library of C files; None if it cannot be compiled or loaded.
+def compiled_library(sources: tuple[Path, ...], consequence: str) -> CDLL | None:
+    """The loaded library of C files; None if they cannot be compiled.
 
-    :param without: what happens then, for the log.
+    :param consequence: what happens then, for the log.
     """
     contents = {source.name: source.read_bytes() for source in sources}
     try:
         target = host_target()
-        key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
-        path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
-        if not _is_complete(path):
-            path = _write_file(path, compile_library(contents, target))
-        return CDLL(str(path))
+        key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()
+        if (library := cache.read_entry(key)) is None:
+            library = compile_library(contents, target)
+            cache.write_entry(key, library)
+        path = cache.folder() / f"{sources[0].stem}-{key[:16]}{target.extension}"
+        return CDLL(str(_file_with_content(path, library)))
     except (BuildError, OSError) as error:
-        logger.info("%s: %s", without, error)
+        logger.info("%s: %s", consequence, error)
         return None
 
 
-def _is_complete(path: Path) -> bool:
-    """Whether a library file agrees with its stored digest: loading a part would end this process."""
-    with suppress(OSError):
-        return _digest_path(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
-    return False
-
-
-def _digest_path(path: Path) -> Path:
-    """Path of the file with the digest of a library."""
-    return path.with_suffix(".sha256")
-
-
-def _write_file(path: Path, content: bytes) -> Path:
-    """Write a file, in a passing folder of the process if its own path cannot be written, and return its path."""
+def _file_with_content(path: Path, content: bytes) -> Path:
+    """Write a file unless it has this content; return its path, or that of a temporary file if it cannot be written."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacement_path(path) as part:
-            part.write_bytes(content)
-        with replacement_path(_digest_path(path)) as part:
-            part.write_text(sha256(content).hexdigest(), encoding="ascii")
-    except (OSError, SimulationError):
+        if not path.is_file() or path.read_bytes() != content:  # a part of a library would end this process
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_replacement(path) as part:
+                part.write_bytes(content)
+    except OSError:
         path = process_folder() / path.name
         path.write_bytes(content)
     return path

@@ -21,7 +21,7 @@ class Warnings:
         self._omitted = 0
 
     def add(self, text: str) -> None:
-        """Add a text, on one line."""
+        """Add a warning as one line, unless it is there already."""
         text = " ".join(text.split())
         if text in self._texts or len(self._texts) < _MOST:
             self._texts[text] = None
@@ -30,13 +30,13 @@ class Warnings:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """The texts, and the number of those that were omitted."""
+        """Texts of the warnings; the last one counts those that were omitted, if any."""
         return (*self._texts, *([f"and {self._omitted} more"] if self._omitted else []))
 
 
 @contextmanager
 def collected_warnings() -> Iterator[Warnings]:
-    """Yield a collector of the warnings that this thread logs in the context; they are logged all the same."""
+    """Yield a collection of the warnings that this thread logs in the context; they are logged all the same."""
     warnings = Warnings()
     _collecting.set((*_collecting.get(), warnings))
     try:
@@ -47,7 +47,7 @@ def collected_warnings() -> Iterator[Warnings]:
 
 @contextmanager
 def ignored_warnings() -> Iterator[None]:
-    """Neither log nor collect warnings in the context."""
+    """Suppress warnings in the context: they are neither logged nor collected."""
     token, before = _collecting.set(()), logger.logger.level
     logger.setLevel(logging.ERROR)
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
-from math import log10
 from pathlib import Path
 
 from liaisons.errors import SimulationError
@@ -17,16 +16,16 @@ _ALWAYS_FREE = 1e8
 
 
 def check_memory(start_time: float, stop_time: float, step_size: float, signals: int) -> None:
-    """Check that a recording of so many signals fits into free memory.
+    """Raise a SimulationError if a recording of so many signals does not fit into free memory.
 
-    :raises SimulationError: if it does not; with its size, and ways to store less.
+    :raises SimulationError: with its size, and ways to store less.
     """
     points = (stop_time - start_time) / step_size + 1
     needed = points * (_POINT + _SIGNAL * signals)
     if needed > _ALWAYS_FREE and needed > (free := _free_memory()):
         raise SimulationError(
             f"steps of {step_size:g} s from {start_time:g} to {stop_time:g} s are {points:.3g} points, and "
-            f"{signals} signal{'s' * (signals != 1)} at each of them {_size_text(needed)} where {_size_text(free)} "
+            f"{signals} signal{'s' * (signals != 1)} at each of them {needed / 1e9:.1f} GB where {free / 1e9:.1f} GB "
             "of memory are free: store less by larger steps, an earlier end, or fewer signals to record"
         )
 
@@ -38,9 +37,3 @@ def _free_memory() -> float:
     with suppress(OSError, AttributeError, ValueError):  # macOS
         return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     return 8e9
-
-
-def _size_text(size: float) -> str:
-    """Size in bytes as text with a decimal prefix: ``"2.5 GB"``."""
-    power = int(min(log10(max(size, 1)) / 3, 7))
-    return f"{size / 1000**power:.3g} {' kMGTPEZ'[power]}B"

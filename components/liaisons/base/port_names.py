@@ -18,23 +18,21 @@ class PortNames(NamedTuple):
 
 
 def port_names(value: str) -> PortNames:
-    """Names of a port by that of its value: ``bob_x[3]`` has the rate ``bob_x_dot[3]`` and the point ``bob[3]``."""
+    """Names of the variables of a port: of ``bob_x[3]`` rate ``bob_x_dot[3]``, point ``bob[3]``, axis ``x``."""
     base = value.partition("[")[0] if value.endswith("]") else value
     index = value[len(base) :]
-    rate, acceleration, force, load = (f"{base}{end}{index}" for end in ("_dot", "_ddot", "_force", "_load"))
     point, _, axis = base.rpartition("_")
-    if not point or axis not in {"x", "y", "z"}:
-        return PortNames(value, rate, acceleration, force, load, "", "")
-    return PortNames(value, rate, acceleration, force, load, f"{point}{index}", axis)
+    place = (f"{point}{index}", axis) if point and axis in {"x", "y", "z"} else ("", "")
+    return PortNames._make([*(f"{base}{end}{index}" for end in ("", "_dot", "_ddot", "_force", "_load")), *place])
 
 
 def impulse_name(force: str) -> str:
-    """Name of the sum of impulses beside a force or a load: of ``bob_x_load[3]`` it is ``bob_x_impulse[3]``."""
+    """Name of the sum of impulses of a force or load: ``bob_x_impulse[3]`` of ``bob_x_load[3]``."""
     base, bracket, index = force.partition("[")
     return f"{base.rpartition('_')[0]}_impulse{bracket}{index}"
 
 
 def jump_name(rate: str) -> str:
-    """Name of the sum of jumps beside a prescribed rate: of ``pivot_x_dot`` it is ``pivot_x_dot_jump``."""
+    """Name of the sum of jumps of a prescribed rate: ``pivot_x_dot_jump`` of ``pivot_x_dot``."""
     base, bracket, index = rate.partition("[")
     return f"{base}_jump{bracket}{index}"

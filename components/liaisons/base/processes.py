@@ -28,31 +28,26 @@ _handled: set[int] = set()  # signals that end this process in good order
 
 
 def die_with_parent(parent: int) -> None:
-    """Let this process end as soon as its parent ends; the first call of a process.
+    """Let this process end as soon as its parent ends; to be called first in a process.
 
     On Linux the kernel does it, when the *thread* ends that started the
     process; elsewhere a thread watches, which foreign code that never returns does not stop.
 
     :param parent: ``os.getpid()`` of the parent, taken there: it may have ended before this is called.
     """
-    if not (sys.platform == "linux" and _set_death_signal()):
+    if not (sys.platform == "linux" and _process_control(_SET_DEATH_SIGNAL, signal.SIGKILL)):
         threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
     if sys.platform != "win32" and os.getppid() != parent:
         os._exit(1)
 
 
-def _set_death_signal() -> bool:
-    """Let the kernel kill this process when its parent ends; False if it cannot."""
-    return _process_control(_SET_DEATH_SIGNAL, signal.SIGKILL)
-
-
 def _process_control(option: int, value: int) -> bool:
-    """Call prctl; return whether it succeeded."""
+    """Set an attribute of this process (Linux's prctl); returns whether it succeeded."""
     return ctypes.CDLL(None).prctl(option, ctypes.c_ulong(value)) == 0
 
 
 def fork_guarded(*, close: Callable[[], object]) -> int:
-    """Fork (Linux) with a guard in between, which ends all descendants of the child when parent or child ends.
+    """Fork (Linux) with a guard process between, which kills all descendants of the child when child or parent ends.
 
     The guard ends as the new process does, after its descendants, or when it is terminated (SIGTERM).
 
@@ -60,8 +55,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
     :returns: in the parent the id of the guard, in the new process 0.
     """
     parent = os.getpid()
-    guard = os.fork()
-    if guard:
+    if guard := os.fork():
         return guard
     guard = os.getpid()
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)
@@ -78,7 +72,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
         return 0
     try:
         close()
-        code = _wait_for(child)
+        code = _supervise_child(child)
         if code < 0:
             _die_by_signal(-code)
         os._exit(code)
@@ -86,8 +80,8 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
         os._exit(1)
 
 
-def _wait_for(child: int) -> int:
-    """Wait for a child or SIGTERM, kill all other descendants, and return the exit code of the child."""
+def _supervise_child(child: int) -> int:
+    """Wait for the end of a child or SIGTERM, then kill all descendants; returns the exit code of the child."""
     statuses: dict[int, int] = {}
     while child not in statuses and signal.sigwait(_ENDINGS) != signal.SIGTERM:
         statuses |= _reap_children()
@@ -111,7 +105,7 @@ def _die_by_signal(number: int) -> None:
 
 
 def _reap_children() -> dict[int, int]:
-    """Collect the statuses of children that have ended, by process id."""
+    """Release children that have ended; returns their statuses by process id."""
     statuses: dict[int, int] = {}
     with suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
@@ -132,7 +126,7 @@ def _child_processes() -> list[int]:
 
 
 def _end_with_parent(parent: int) -> None:
-    """End this process when its parent ends."""
+    """Wait for the end of the parent, then end this process."""
     if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32")
         kernel.OpenProcess.restype = ctypes.c_void_p
@@ -146,7 +140,7 @@ def _end_with_parent(parent: int) -> None:
 
 @contextmanager
 def orderly_end() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end this process like an exception in the context, so that resources are released.
+    """Raise SystemExit in the context for SIGTERM and SIGHUP, which release resources then like any exception.
 
     It exits with status 128 + signal, after some seconds even if foreign code does not return.
     """
@@ -180,7 +174,7 @@ def _raise_exit(number: int, _frame: object) -> None:
 
 
 def _end_after_grace(pipe: int) -> None:
-    """End this process some seconds after a signal, whose number Python writes to the pipe during foreign code, too."""
+    """End this process some seconds after a signal whose number comes through the pipe, even during foreign code."""
     while number := os.read(pipe, 1):
         if number[0] in _handled:
             time.sleep(_GRACE)
@@ -190,7 +184,7 @@ def _end_after_grace(pipe: int) -> None:
 
 @lru_cache(maxsize=1)
 def _register_fork_handlers() -> None:
-    """Register the handlers by which forks, sharing the pipe, block and restore their signals."""
+    """Register handlers that block signals before a fork, and restore their defaults in the new process."""
     os.register_at_fork(before=_block_signals, after_in_parent=_unblock_signals, after_in_child=_restore_signals)
 
 

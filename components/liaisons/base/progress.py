@@ -11,13 +11,13 @@ _PAUSE = 0.1  # [s] between two updates
 
 
 @contextmanager
-def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[Callable[[float], None]]:
-    """Yield a function that shows the progress it is called with on stderr; nothing in a file or a pipe.
+def progress_bar(title: str, template: str, start: float, end: float) -> Iterator[Callable[[float], None]]:
+    """Yield a function of the progress that updates a bar on stderr; in a file or a pipe nothing is shown.
 
     :param title: what runs; nothing is shown when empty.
-    :param words: format of the progress, for example ``"t = {:g} of {:g} s"``.
-    :param first: progress at the start.
-    :param last: progress at the end.
+    :param template: format of the progress, for example ``"t = {:g} of {:g} s"``.
+    :param start: progress at the start.
+    :param end: progress at the end.
     """
     if not title:
         yield lambda _: None
@@ -36,15 +36,15 @@ def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[
         redirect_stderr=False,
         disable=not (find_spec("ipywidgets") if console.is_jupyter else console.is_interactive),
     ) as bar:
-        task = bar.add_task(title, total=last - first)
-        shown = time.monotonic()
+        task = bar.add_task(title, total=end - start)
+        updated = time.monotonic()
 
         def show(reached: float) -> None:
-            nonlocal shown
+            nonlocal updated
             now = time.monotonic()
-            if now - shown >= _PAUSE or reached >= last:
-                shown = now
-                said = f"{title}: {words.format(reached, last)}"
-                bar.update(task, completed=reached - first, description=said, refresh=True)
+            if now - updated >= _PAUSE or reached >= end:
+                updated = now
+                description = f"{title}: {template.format(reached, end)}"
+                bar.update(task, completed=reached - start, description=description, refresh=True)
 
         yield show

@@ -27,8 +27,8 @@ def fmus_directory() -> Path:
     return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
-def _packages_and_paths() -> dict[str, tuple[str, Path]]:
-    """Package and path of each scenario by its name; the package is ``own`` for those that no package publishes."""
+def _scenario_packages_and_paths() -> dict[str, tuple[str, Path]]:
+    """Package and path of each scenario by the name of the scenario; the package is ``own`` if none publishes it."""
     files = {path.stem: ("own", path) for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")}
     for package, scenarios in published_scenarios().items():
         files |= {f"{package}:{n}" if n in files else n: (package, path) for n, path in scenarios.items()}
@@ -36,21 +36,21 @@ def _packages_and_paths() -> dict[str, tuple[str, Path]]:
 
 
 def scenario_files() -> dict[str, Path]:
-    """Paths of the scenarios by name: of ``scenarios/`` in the working directory, of this package, and published ones.
+    """Paths of all scenarios by name: in ``scenarios/`` of the working directory, of liaisons, and published ones.
 
-    A published one whose name is taken is called ``PACKAGE:NAME``.
+    A published scenario whose name is taken is called ``PACKAGE:NAME``.
     """
-    return {name: path for name, (_, path) in _packages_and_paths().items()}
+    return {name: path for name, (_, path) in _scenario_packages_and_paths().items()}
 
 
 def read_gallery() -> dict[str, dict[str, Any]]:
-    """Read the order of the gallery: titles that names of scenarios do not give, and themes with their scenarios."""
+    """Content of ``gallery.toml``: titles of scenarios, and themes with their scenarios."""
     return tomllib.loads((_OURS / "gallery.toml").read_text(encoding="utf-8"))
 
 
 def scenario_themes() -> dict[str, tuple[str, list[str]]]:
-    """Title and scenarios of each theme by its short name, then of each package; ``own`` has all other scenarios."""
-    left = {name: package for name, (package, _) in _packages_and_paths().items()}
+    """Title and names of scenarios of each theme, by its short name; then of each package, and of ``own``."""
+    left = {name: package for name, (package, _) in _scenario_packages_and_paths().items()}
     themes: dict[str, tuple[str, list[str]]] = {}
     for name, theme in read_gallery()["themes"].items():
         themes[name] = theme["title"], [scenario for scenario in theme["scenarios"] if left.pop(scenario, None)]
@@ -61,7 +61,7 @@ def scenario_themes() -> dict[str, tuple[str, list[str]]]:
 
 
 def scenario_claim(path: Path) -> str:
-    """Claim of a scenario, the first paragraph of its docstring; the file is not run.
+    """Claim of a scenario: the first paragraph of its docstring, read without running the file.
 
     :raises ProjectError: if it is no Python file.
     """
@@ -73,7 +73,7 @@ def scenario_claim(path: Path) -> str:
 
 
 def figures_directory(scenario: Path) -> Path:
-    """Directory for the figure of a scenario: ``figures/`` beside it; in the working directory for an installed one."""
+    """Directory of the figure of a scenario: ``figures/`` beside it, or in the working directory if it is installed."""
     elsewhere = _OURS == _SHIPPED or not Path.cwd().is_relative_to(_CLONE)
     installed = {path.parent for scenarios in published_scenarios().values() for path in scenarios.values()}
     installed |= {_OURS} if elsewhere else set()
@@ -96,12 +96,12 @@ def declared_components() -> list[str] | None:
 
 
 def relative_to_working_directory(path: Path) -> Path:
-    """Path relative to the working directory if it lies below that."""
+    """Path relative to the working directory; the path itself if it lies elsewhere."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def load_module(path: Path) -> ModuleType:
-    """Run a Python file as a module of its own.
+    """Run a Python file and return it as a module.
 
     :raises ProjectError: if it is missing, or raises while it is run; the message has file, line and reason.
     """
@@ -124,7 +124,7 @@ def load_module(path: Path) -> ModuleType:
 
 
 def _innermost_line(error: Exception, path: Path) -> int:
-    """Innermost line of a file in the traceback of an error."""
+    """Number of the innermost line of a file in the traceback of an error; 0 if it is not in it."""
     causes = [raised for raised in (error, error.__cause__) if raised]  # the cause was raised further in
     frames = [frame for raised in causes for frame in traceback.extract_tb(raised.__traceback__)]
     return next((frame.lineno or 0 for frame in frames[::-1] if Path(frame.filename) == path.resolve()), 0)

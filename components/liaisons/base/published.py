@@ -17,7 +17,7 @@ GROUP = "liaisons.components"
 
 @lru_cache(maxsize=1)
 def published_components() -> dict[str, dict[str, EntryPoint]]:
-    """Return entry points by package, and by the name of their component in it; no package is imported."""
+    """Entry points by name of the package, then by name of the component; no package is imported."""
     packages: dict[str, dict[str, EntryPoint]] = {}
     for entry in entry_points(group=GROUP):
         packages.setdefault(entry.dist.name if entry.dist else "", {})[entry.name] = entry
@@ -25,7 +25,7 @@ def published_components() -> dict[str, dict[str, EntryPoint]]:
 
 
 def publishers(name: object) -> dict[str, EntryPoint]:
-    """Return the entry points of ``InclineBlock`` by package, that of ``PACKAGE:InclineBlock`` alone."""
+    """Entry points of a component by name of the package; ``PACKAGE:InclineBlock`` names one of them."""
     package, _, component = str(name).rpartition(":")
     return {
         p: entries[component]
@@ -35,9 +35,9 @@ def publishers(name: object) -> dict[str, EntryPoint]:
 
 
 def load_published_component(name: str) -> tuple[str, object]:
-    """Import what is published by a name.
+    """Import the component that is published by a name.
 
-    :returns: the entry point in words, and its value.
+    :returns: a text that describes the entry point, and the component.
     :raises ProjectError: if several packages publish it, or it cannot be imported.
     """
     (package, entry), *further = publishers(name).items()
@@ -53,19 +53,19 @@ def load_published_component(name: str) -> tuple[str, object]:
 
 
 def publishing_package(module: str) -> Distribution | None:
-    """Return the installed package that publishes components in the top-level module of a module, if one does."""
+    """Installed package that publishes components under the top-level name of a module; None if there is none."""
     top = module.partition(".")[0]
     entries = (entry for package in published_components().values() for entry in package.values())
     return next((entry.dist for entry in entries if _top_module(entry) == top), None)
 
 
 def _top_module(entry: EntryPoint) -> str:
-    """Return ``my_mechanics`` of ``my_mechanics.incline_block:InclineBlock``."""
+    """Name of the top-level module of an entry point: ``my_mechanics``."""
     return entry.value.partition(":")[0].partition(".")[0].strip()
 
 
 def published_scenarios() -> dict[str, dict[str, Path]]:
-    """Return, by package, paths of scenarios by name: of the folder ``scenarios`` in its module; none is imported."""
+    """Paths of scenarios by name of the package, then by name of the scenario; no package is imported."""
     packages: dict[str, dict[str, Path]] = {}
     for package, entries in published_components().items():
         modules = {*map(_top_module, entries.values())} - {""}

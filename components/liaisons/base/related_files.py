@@ -14,7 +14,6 @@ NAME = "org.fmi-standard.fmi-ls-ref"
 VERSION = "1.0.0-beta.1"
 READ_VERSIONS = (VERSION, "1.0.0-alpha.1")
 """Versions that are read; the later one adds labels, annotations and the role ``meta-data``."""
-_BYTES = "application/octet-stream"
 NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
 FOLDER = f"extra/{NAME}"
 MANIFEST = f"{FOLDER}/fmi-ls-manifest.xml"
@@ -34,17 +33,16 @@ class RelatedFile:
     type: str
     source: str
     role: str
-    description: str = ""
     labels: set[str] = field(default_factory=set)
 
     @property
     def member(self) -> str:
-        """Path in the archive, where the manifest may name what is not there."""
+        """Path in the archive, from the URI."""
         return posixpath.normpath(f"{FOLDER}/{self.source}")
 
 
 def related_files(archive: Archive) -> list[RelatedFile]:
-    """Return the files that the manifest of an FMU names and the archive has.
+    """The files that the manifest of an FMU names, without those that are not in the archive.
 
     :raises SimulationError: if the manifest is of another version, or damaged.
     """
@@ -56,8 +54,11 @@ def related_files(archive: Archive) -> list[RelatedFile]:
             if version not in READ_VERSIONS:
                 raise ValueError(f"fmi-ls-ref of version {version} is not read; {', '.join(READ_VERSIONS)} are")
         elif tag == "Related":
-            source, role = attributes["source"], attributes["role"]
-            files.append(RelatedFile(attributes.get("type", _BYTES), source, role, attributes.get("description", "")))
+            files.append(
+                RelatedFile(
+                    attributes.get("type", "application/octet-stream"), attributes["source"], attributes["role"]
+                )
+            )
         elif tag == "Label":
             files[-1].labels.add(attributes["name"])
 

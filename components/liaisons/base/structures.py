@@ -13,25 +13,29 @@ from numpy.typing import NDArray
 _TYPES = {"size_t": c_size_t, "ptrdiff_t": c_ssize_t, "double": c_double, "int": c_int, "bool": c_bool}
 
 
+SavedRecord = tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]]]]
+"""Bytes of a record, what its pointers point to, and arrays with copies of their values."""
+
+
 class Record(Structure):
     """A structure of C, which keeps in ``targets`` what its pointers point to."""
 
     targets: dict[str, Any]
 
     def point(self, **targets: NDArray[Any] | Array[Any] | Structure) -> None:
-        """Point fields to arrays or structures."""
+        """Set pointers, by their names, to arrays or structures, which are kept alive."""
         vars(self).setdefault("targets", {}).update(targets)
         for name, target in targets.items():
             setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
 
-    def save(self) -> tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]]]]:
-        """Save the values of the fields and of the arrays, for :meth:`restore`."""
+    def save(self) -> SavedRecord:
+        """Copy of the fields and of the arrays that they point to, for :meth:`restore`."""
         targets = dict(vars(self).get("targets", {}))
         arrays = [array for array in targets.values() if isinstance(array, np.ndarray)]
         return bytes(self), targets, [(array, array.copy()) for array in arrays]
 
-    def restore(self, saved: tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]]]]) -> None:
-        """Restore saved fields with what they point to, and the values of the arrays in place."""
+    def restore(self, saved: SavedRecord) -> None:
+        """Set the fields to those of a copy, and in place the values of the arrays."""
         content, targets, arrays = saved
         memmove(addressof(self), content, len(content))
         vars(self)["targets"] = dict(targets)
@@ -40,7 +44,7 @@ class Record(Structure):
 
 
 def structure_fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:
-    """Names and types of the fields of a structure, ``typedef struct { ... } structure;``.
+    """Names and types of the fields of a C structure, read from ``typedef struct { ... } structure;``.
 
     :param path: of the C file.
     :param nested: structures inside it, by name.

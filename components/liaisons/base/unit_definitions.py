@@ -21,7 +21,7 @@ class UnitDefinition:
 
     @classmethod
     def from_attributes(cls, name: str, attributes: Mapping[str, str]) -> UnitDefinition:
-        """The definition in the attributes of a ``BaseUnit``.
+        """Definition of a unit from the attributes of its ``BaseUnit``.
 
         :raises ValueError: for attributes that are no numbers, and factors and offsets that cannot convert.
         """
@@ -31,7 +31,7 @@ class UnitDefinition:
         return cls(tuple(int(attributes.get(base, 0)) for base in BASE), factor, offset)
 
     def conversion_to(self, other: UnitDefinition) -> Conversion:
-        """The conversion to another unit of the same dimension."""
+        """Conversion of values to another unit of the same dimension."""
         if math.isclose(self.factor, other.factor) and self.offset == other.offset:
             return SAME
         return Conversion(self.factor / other.factor, (self.offset - other.offset) / other.factor)
@@ -44,11 +44,11 @@ class Conversion(NamedTuple):
     offset: float = 0.0
 
     def apply(self, value: float) -> float:
-        """The converted value."""
+        """Converted value."""
         return self.factor * value + self.offset
 
     def then(self, other: Conversion) -> Conversion:
-        """The composition: first this, then the other."""
+        """Composed conversion: this one, then the other."""
         return Conversion(other.factor * self.factor, other.factor * self.offset + other.offset)
 
 

@@ -55,16 +55,15 @@ _FACTOR = re.compile(r"^([A-Za-z]+|1)(-?\d+)?$")
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: its name, the non-zero exponents of its base units, and its display units."""
+    """A unit: the non-zero exponents of its base units, and its display units."""
 
-    name: str
     exponents: tuple[tuple[str, int], ...]
     display: tuple[tuple[str, float], ...]
 
 
 @cache
 def parse(name: str) -> Unit:
-    """Parse a unit.
+    """Unit of a name: exponents of its base units, and display units.
 
     :param name: for example ``"kg.m2/s"``.
     :raises ValueError: for an empty or unknown unit, with the list of symbols.
@@ -81,18 +80,20 @@ def parse(name: str) -> Unit:
                 f"at most one '/', e.g. 'kg.m2/s' (known symbols: {', '.join(_SYMBOLS)})"
             )
         power = sign * int(match[2] or 1)
-        for base, exponent in _base_exponents(match[1]).items():
+        symbol = match[1]
+        factors = parse(_DERIVED[symbol]).exponents if symbol in _DERIVED else ((symbol, 1),)
+        for base, exponent in factors:
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
-    return Unit(name, ordered, _DISPLAY.get(name, ()))
+    return Unit(ordered, _DISPLAY.get(name, ()))
 
 
-def size_in_si(name: str, unit: str) -> float:
-    """Size of a measured unit in an SI unit: π/180 for ``"deg/s"`` in ``"rad/s"``, 0.01 for ``"cm"`` in ``"m"``.
+def size_in_si(measured: str, unit: str) -> float:
+    """Factor from a unit of measurements to an SI unit: π/180 from ``"deg/s"`` to ``"rad/s"``, 0.01 from cm to m.
 
     :raises ValueError: for an unknown unit, or one of another quantity.
     """
-    written = name.translate({ord("^"): None, ord("²"): "2", ord("·"): "."}).replace("rpm", "rev/min")
+    written = measured.translate({ord("^"): None, ord("²"): "2", ord("·"): "."}).replace("rpm", "rev/min")
     top, _, _ = written.partition("/")
     size = 1.0
     for match in re.finditer(r"([^\W\d_]+|°)(-?\d*)", written):
@@ -100,15 +101,8 @@ def size_in_si(name: str, unit: str) -> float:
         size *= _MEASURED.get(match[1], ("", 1.0))[1] ** power
     base = re.sub(r"[^\W\d_]+|°", lambda match: _MEASURED.get(match[0], match)[0], written)
     if parse(base).exponents != parse(unit).exponents:
-        raise ValueError(f"unit {name!r} is none of what is measured in {unit!r}")
+        raise ValueError(f"unit {measured!r} is none of what is measured in {unit!r}")
     return size
-
-
-def _base_exponents(symbol: str) -> dict[str, int]:
-    """Exponents of a symbol by base units."""
-    if symbol in _DERIVED:
-        return dict(parse(_DERIVED[symbol]).exponents)
-    return {} if symbol == "1" else {symbol: 1}
 
 
 Powers = tuple[int | Fraction, ...]
@@ -120,7 +114,7 @@ _NAMED = ("N", "J", "W", "Pa", "C", "V", "T")
 
 @cache
 def powers(name: str) -> Powers:
-    """Exponents of a unit, in the order of :data:`Powers`.
+    """Exponents of base units in a unit.
 
     :raises ValueError: for an empty or unknown unit.
     """
@@ -129,19 +123,19 @@ def powers(name: str) -> Powers:
 
 
 def product(factors: Iterable[tuple[Powers, int | Fraction]]) -> Powers:
-    """Exponents of a product of powers."""
+    """Exponents of base units in a product of units, each raised to a power."""
     columns = [tuple(exponent * power for power in base) for base, exponent in factors]
     return tuple(map(sum, zip(*columns, strict=True)))
 
 
 def unit_name(exponents: Powers) -> str:
-    """Name of a unit with these exponents: ``"N"``, ``"kg.m"``, ``"1/s"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
+    """Name of the unit with these exponents: ``"N"``, ``"kg.m"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
     for name in _NAMED:
         if powers(name) == exponents:
             return name
 
     def factors(sign: int) -> str:
-        """Symbols with exponents of one sign."""
+        """Names of the base units with exponents of one sign, joined."""
         pairs = zip(BASE, exponents, strict=False)
         return ".".join(base + _exponent_text(abs(power)) for base, power in pairs if power * sign > 0)
 
@@ -150,14 +144,14 @@ def unit_name(exponents: Powers) -> str:
 
 
 def quotient(numerator: str, denominator: str) -> str:
-    """Unit of a quotient, without the radian; ANY if one of both is."""
+    """Unit of the quotient of two quantities, without the radian; ANY if one of both units is ANY."""
     if ANY in (numerator, denominator):
         return ANY
     return unit_name(product([(powers(numerator), 1), (powers(denominator), -1)]))
 
 
 def _exponent_text(power: int | Fraction) -> str:
-    """Exponent as text, empty for 1."""
+    """Text of an exponent behind a symbol; empty for 1."""
     if power == 1:
         return ""
     return str(power) if Fraction(power).denominator == 1 else f"({power})"
@@ -172,27 +166,27 @@ _QUOTIENTS = {
 """Usual names of quotients, by numerator and denominator."""
 
 
-def rate(name: str) -> str:
+def rate(unit: str) -> str:
     """Unit of the time derivative of a quantity with this unit; ANY for ANY."""
-    return _RATE.get(name, f"{name}.s" if "/" in name else f"{name}/s")
+    return _RATE.get(unit, f"{unit}.s" if "/" in unit else f"{unit}/s")
 
 
-def force(name: str) -> str:
+def force(unit: str) -> str:
     """Unit of the generalised force on a coordinate with this unit: force × coordinate is an energy."""
-    return _quotient_name("J", name)
+    return _conjugate_unit("J", unit)
 
 
-def momentum(name: str) -> str:
+def momentum(unit: str) -> str:
     """Unit of the momentum ∂L/∂q̇ of a coordinate with this unit: momentum × rate is an energy."""
-    return _quotient_name("J.s", name)
+    return _conjugate_unit("J.s", unit)
 
 
-def multiplier_unit(name: str) -> str:
+def multiplier_unit(unit: str) -> str:
     """Unit of the Lagrange multiplier of a constraint on rates in this unit: their product is a power."""
-    return _quotient_name("W", name)
+    return _conjugate_unit("W", unit)
 
 
-def _quotient_name(numerator: str, name: str) -> str:
-    """Name of the quotient of two units."""
-    top, slash, bottom = name.partition("/")
-    return _QUOTIENTS[numerator].get(name) or f"{numerator}{slash and '.'}{bottom}/{top}"
+def _conjugate_unit(product: str, unit: str) -> str:
+    """Unit whose product with ``unit`` is ``product``: the usual name, else a quotient."""
+    top, slash, bottom = unit.partition("/")
+    return _QUOTIENTS[product].get(unit) or f"{product}{slash and '.'}{bottom}/{top}"

@@ -21,10 +21,10 @@ End = Callable[[str], object]
 """Called for an end tag."""
 
 
-def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: float = math.inf) -> None:
-    """Read a document, tag by tag.
+def parse(file: IO[bytes], start: Start, end: End = lambda _: None, max_size: float = math.inf) -> None:
+    """Call ``start`` and ``end`` for each tag of a document.
 
-    :param longest: largest size in bytes.
+    :param max_size: largest size in bytes.
     :raises ValueError: for XML that is not well-formed, an unknown encoding, a document type (only those can define
         entities that grow without bounds), and whatever exceeds a limit.
     """
@@ -47,8 +47,8 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
         size = 0
         while portion := file.read(_PORTION):
             size += len(portion)
-            if size > longest:
-                raise ValueError(f"it is longer than {longest} bytes")
+            if size > max_size:
+                raise ValueError(f"it is longer than {max_size} bytes")
             before = tags
             parser.feed(portion)
             silent = 0 if tags > before else silent + len(portion)
@@ -66,7 +66,7 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
 
 
 def read_tree(file: IO[bytes]) -> Element:
-    """Read a document as a tree of elements with attributes, without texts.
+    """Root element of a document: a tree of elements with attributes, without texts.
 
     :raises ValueError: as :func:`parse`, and for too many elements and attributes.
     """
@@ -84,5 +84,5 @@ def read_tree(file: IO[bytes]) -> Element:
 
 
 def _refuse_document_type(*_: object) -> None:
-    """Raise a ValueError for a declaration of a document type."""
+    """Raise a ValueError: called for a declaration of a document type."""
     raise ValueError("it declares a document type (<!DOCTYPE ...>); leave that out")

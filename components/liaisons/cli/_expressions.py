@@ -9,7 +9,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from liaisons.base.arguments import quoted
+from liaisons.base.arguments import shown
 from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula
 
 _POINTS, _MOST = 501, 20
@@ -39,7 +39,7 @@ def parse_expression(text: str) -> Expression:
         run()
         value, rate, acceleration = values.tolist()
         if buffer.ret() or not math.isfinite(value):
-            raise FormulaError(f"{quoted(text)} has no value there: {value}")
+            raise FormulaError(f"{shown(text)} has no value there: {value}")
         return value, rate, acceleration
 
     return evaluate

@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.base.arguments import quoted
+from liaisons.base.arguments import shown
 from liaisons.errors import FormulaError, LiaisonsError, suggestion
 
 _LONGEST, _DEEPEST = 1000, 200
@@ -45,7 +45,7 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
     :raises FormulaError: for an error in it; with its position, and the nearest name.
     """
     if len(text) > _LONGEST:
-        raise FormulaError(f"{quoted(text)}: {len(text)} characters, {_LONGEST} at most")
+        raise FormulaError(f"{shown(text)}: {len(text)} characters, {_LONGEST} at most")
     text = " ".join(text.split())
     try:
         with warnings.catch_warnings():
@@ -59,7 +59,7 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
     except LiaisonsError:  # of the names: a ValueError, too
         raise
     except (ValueError, RecursionError, MemoryError):
-        raise FormulaError(f"{quoted(text)}: too deep, or characters that do not belong here") from None
+        raise FormulaError(f"{shown(text)}: too deep, or characters that do not belong here") from None
 
 
 class _RefusedError(Exception):
@@ -72,7 +72,7 @@ class _RefusedError(Exception):
 
 def _error_at(text: str, column: int, words: str) -> FormulaError:
     """Return an error that names the position in a formula."""
-    return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
+    return FormulaError(f"{shown(text)}, at character {column + 1}: {words}")
 
 
 @dataclass(frozen=True)

@@ -2,43 +2,39 @@
 
 from __future__ import annotations
 
-import secrets
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from liaisons.base import cache
+from liaisons.base.files import atomic_replacement
 from liaisons.errors import BuildError
 
 _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write a zip archive atomically, and the folders above it.
+    """Write a zip archive atomically, and make the folders above it.
 
-    Its digest is remembered, so that simulations load it without a trial in a process of its own.
+    Its digest is stored as that of a trusted FMU: simulations load it without a trial in a process of its own.
 
     :param members: contents by name inside the archive, with ``/``.
     :raises BuildError: if the file cannot be written; an earlier file stays.
     """
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
+        with atomic_replacement(path) as partial:
             with zipfile.ZipFile(partial, "x", zipfile.ZIP_DEFLATED) as archive:
                 for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
                     archive.writestr(_zip_info(name), members[name])
             digest = cache.digest(partial)
-            partial.replace(path)
-        finally:  # after an interrupt, too
-            partial.unlink(missing_ok=True)
     except OSError as error:
         raise BuildError(f"{path} cannot be written: {error.strerror}; choose another folder with output=") from error
     cache.add_trusted_fmu(digest)
 
 
 def read_member(path: Path, name: str) -> bytes | None:
-    """Return the content of a member of an archive; None if either is missing or damaged."""
+    """Return the content of a member of an archive; None if archive or member is missing or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.read(name)
@@ -47,7 +43,7 @@ def read_member(path: Path, name: str) -> bytes | None:
 
 
 def _zip_info(name: str) -> zipfile.ZipInfo:
-    """Return the header of a member, the same on every machine."""
+    """Return the zip header of a member, the same on every machine."""
     entry = zipfile.ZipInfo(name, _EARLIEST)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.create_system = 3  # Unix, wherever it is written

@@ -29,7 +29,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.origin import with_provenance
-from liaisons.fmu.wasm import binary_path, compile_component, manifest_members
+from liaisons.fmu.wasm import compile_component, manifest_members
 from liaisons.mechanics.model import Model, refuse_contacts
 
 _DESCRIPTION = "modelDescription.xml"
@@ -55,7 +55,7 @@ def build(model: Model, settings: BuildSettings) -> Path:
         raise BuildError(f"{model.name}: FMUs in Python take no samples; take backend='native'")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
-    if backend == "auto" and fmi == "2" and not _compiler_command():
+    if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
         _warn_no_compiler()
         backend = "python"
     if backend == "python":
@@ -63,11 +63,6 @@ def build(model: Model, settings: BuildSettings) -> Path:
     if fmi == "3":
         output = output / "fmi3" if settings.arrays else output / "fmi3" / "scalars"
     return _build_native(model, output, platforms, fmi, arrays=settings.arrays)
-
-
-def _compiler_command() -> list[str] | None:
-    """Return the command of a C compiler; None if there is none."""
-    return system_compiler() or zig_compiler()
 
 
 @cache
@@ -86,15 +81,15 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     experimental = manifest_members() if platforms == "wasm" else {}
-    members = _with_guid_and_origin(members, model) | experimental
+    members = _with_guid_and_provenance(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
-    paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
+    paths = {target: f"binaries/{target.binaries_folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
         paths[target]: partial(compile_library, code, target, cross=platforms == "all")
         for target in (TARGETS if platforms == "all" else [host_target()])
     }
     if platforms == "wasm":
-        binaries[binary_path(model.name)] = partial(compile_component, code)
+        binaries[f"binaries/wasm32-wasip2/{model.name}.wasm"] = partial(compile_component, code)
         if _is_current(path, members):  # existing binaries are kept beside the component
             members |= {name: binary for name in paths.values() if (binary := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
@@ -106,7 +101,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 
 @lru_cache(maxsize=128)
 def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
-    """Return the sources of an FMU, which also say whether a file is up to date."""
+    """Return the source files of an FMU with a placeholder for the guid, by name."""
     return source_files(model, _NO_GUID, fmi, arrays=arrays)
 
 
@@ -114,18 +109,20 @@ def _build_python(model: Model, output: Path) -> Path:
     """Build an FMU in Python, unless the file is up to date."""
     from liaisons.fmu.python_backend import python_members
 
-    remedy = "take backend='native'" if _compiler_command() else f"native FMUs take them: {INSTALLATION}"
+    remedy = (
+        "take backend='native'" if system_compiler() or zig_compiler() else f"native FMUs take them: {INSTALLATION}"
+    )
     refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
-    members = _with_guid_and_origin(python_members(flat, _NO_GUID), model)
+    members = _with_guid_and_provenance(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
         write_archive(path, members | icon_members(flat, "2"))
     return path
 
 
-def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
-    """Return the members with their origin and their guid, a hash of all of them and of the compiler's options."""
+def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
+    """Return the members with the guid, a hash of them and of the compiler's flags, in place of the placeholder."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
@@ -134,6 +131,6 @@ def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, 
     return members | {_DESCRIPTION: with_provenance(members[_DESCRIPTION], model)}
 
 
-def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:
-    """Return whether the archive has the same model description, and the same of some other members."""
-    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *also))
+def _is_current(path: Path, members: dict[str, bytes], *compared: str) -> bool:
+    """Return whether an archive has the same model description, and the same content of the members to be compared."""
+    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *compared))

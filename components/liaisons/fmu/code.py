@@ -51,7 +51,7 @@ _FMI_FILES = ("fmi2.c", "fmi_common.c", "starts.c")
 
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> dict[str, bytes]:
-    """Return all files that are needed to compile the FMU, by name.
+    """Return the files from which an FMU is compiled, generated ones and the runtime, by name.
 
     :param guid: that of the model description, which the binary checks.
     :param arrays: False: in FMI 3.0, too, value references stand for numbers.
@@ -69,20 +69,20 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
 
 
 def core_files(model: Model) -> dict[str, bytes]:
-    """Return the C files of a model and of the runtime without the functions of FMI, by name."""
+    """Return the C files of a model and the runtime without the functions of FMI, by name."""
     files = source_files(model, "", "2").items()
     return {name: text for name, text in files if name.endswith((".c", ".h")) and name not in _FMI_FILES}
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
-    """Return ``model.c``: the functions of the model, then the tables that core.h declares."""
+    """Return the text of ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
     loops = loop_functions(model.programs, coupled_state_count(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rate_functions(model)
     members = _model_functions(model, adjoint=adjoint)
-    booking = _booking(model, members)
+    booking = _booking_statements(model, members)
     members = {name: function for name, function in members.items() if name not in booking}
-    row_functions = _row_functions(model, members, rates)
+    row_functions = _table_row_functions(model, members, rates)
     if model.table and model.table.has_events:
         del members["instants"], members["draw"]
     functions = [row_functions.get(name, function) for name, function in members.items()]
@@ -118,7 +118,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
             "#endif",
             *code,
-            *_lookup_calls(model, row_functions),
+            *_lookup_definitions(model, row_functions),
             *(line for name, statements in booking.items() for line in function_definition(name, statements)),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
             *(line for table in tables for line in table.definition),
@@ -131,7 +131,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
 
 
 def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
-    """Return the functions that are not generated as loops, by their members of ``Model`` in core.h."""
+    """Return the functions to be generated as straight code, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
         "outputs_function": (model.table or model).outputs_function,  # of rows of a table
@@ -150,10 +150,10 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     }
 
 
-def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
-    """Return, by member, C statements of the functions that copy a booked number from the outputs.
+def _booking_statements(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
+    """Return C statements, by member, of functions that book energy or work: they take the number from the outputs.
 
-    Where the outputs are large their code would be repeated, and with it that of both derivatives.
+    Empty unless the outputs are large: their code and its derivatives are not repeated.
     """
     outputs, sizes = model.outputs_function, {"y": model.start.numel_out(0), "m": model.start.numel_out(1)}
     moves = not model.active or model.project is not None or model.contacts or model.table or model.programs
@@ -195,10 +195,10 @@ def _with_one_result(function: ca.Function) -> ca.Function:
 # ---- tables of parameters --------------------------------------------------------------------------------------
 
 
-def _row_functions(
+def _table_row_functions(
     model: Model, members: Mapping[str, ca.Function], rates: Iterable[tuple[ca.Function, ca.Function]]
 ) -> dict[str, ca.Function]:
-    """Return the functions that take rows of a table, by the names of their callers, which look the rows up."""
+    """Return the functions whose parameters are rows of a table, by the names of the C functions that call them."""
     if model.table is None:
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
@@ -212,8 +212,8 @@ def _row_functions(
     return {name: ca.Function(f"seen_{name}", x, functions[name].call(x, True, False)) for name, x in arguments.items()}
 
 
-def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """Return C definitions of the callers, which look rows of a table up and call the functions of rows."""
+def _lookup_definitions(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
+    """Return C definitions of functions that look rows of a table up, and call the functions of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -253,15 +253,15 @@ def _table_declarations(model: Model) -> list[str]:
 
 
 def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
-    """Return functions of the rates, of all states and of the coupled ones, for each of :data:`_ACTIVITIES`.
+    """Return functions of the rates of all states and of the coupled states, a pair for each of :data:`_ACTIVITIES`.
 
-    Without the terms of inputs that are 0 then.  Of maps they are all one.
+    They lack the terms of inputs that are 0 then; functions of CasADi's maps do not.
     """
     whole = model.derivatives if model.table is None else model.table.derivatives
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
     t, y, u, k, *m = map(ca.SX, whole.sx_in())
-    effects = _effects_of_inputs(model)
+    effects = _activities_of_inputs(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
     large = whole.n_instructions() > _LARGE
     zeros = {
@@ -282,8 +282,8 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     return [pairs[zeros[activity]] for activity in _ACTIVITIES]
 
 
-def _effects_of_inputs(model: Model) -> dict[str, int]:
-    """Return, by input, the bits _LOADS and _MOVES of what a value other than 0 acts on."""
+def _activities_of_inputs(model: Model) -> dict[str, int]:
+    """Return for each input, by name, the key of :data:`_ACTIVITIES` that a value other than 0 needs."""
     effects = {variable.name: _LOADS if variable.variability == "continuous" else 0 for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
@@ -309,9 +309,7 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
         )
         (derivatives,) = (ca.forward if forward else ca.reverse)(results, arguments, [seeds])
         vectors = signature.results if forward else argument_vectors
-        dense = [
-            _dense_blocks(x, _variable_sizes(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)
-        ]
+        dense = [_densified(x, _variable_sizes(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
         # What maps share is shared already, and cse is slow on them.
         dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
         title = f"{signature.member}_{direction}"
@@ -319,11 +317,14 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
     return functions
 
 
-def _dense_blocks(vector: Any, counts: Sequence[int]) -> Any:
-    """Return the vector with its zeros; block by block, because CasADi tabulates all indices of a mixed one."""
-    if vector.is_dense() or len(counts) < 2:
+def _densified(vector: Any, sizes: Sequence[int]) -> Any:
+    """Return a vector with all zeros stored.
+
+    :param sizes: of its blocks: CasADi tabulates all indices of a vector in which some are stored.
+    """
+    if vector.is_dense() or len(sizes) < 2:
         return ca.densify(vector)
-    return ca.vertcat(*map(ca.densify, ca.vertsplit(vector, np.cumsum([0, *counts]).tolist())))
+    return ca.vertcat(*map(ca.densify, ca.vertsplit(vector, np.cumsum([0, *sizes]).tolist())))
 
 
 def _variable_sizes(model: Model, vector: str) -> list[int]:
@@ -338,7 +339,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 
 
 def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[str, object]:
-    """Return the members of the struct ``Model``: texts, numbers and names of tables; those left out are 0."""
+    """Return C values of members of the struct ``Model``, functions apart, by name; members left out are 0."""
     numbers = {
         "parameters": scalar_count(model.parameters),
         "inputs": scalar_count(model.inputs),
@@ -350,10 +351,10 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "columns": model.table.columns if model.table else 0,
         "drawn": scalar_count(model.drawn),
         "variable_rows": len(model.variables),  # without the time
-        "impulses": sum(len(sums) for _, sums in _impulse_ranges(model)) + len(_reaction_rows(model)),
+        "impulses": sum(len(sums) for _, sums in _load_impulses(model)) + len(_reaction_initializers(model)),
         **{table.size: len(table.rows) for table in tables if table.size},
     }
-    offsets = _contact_offsets(model.contact, len(model.contacts)) if model.contact else {}
+    offsets = _contact_result_offsets(model.contact, len(model.contacts)) if model.contact else {}
     return {
         "name": _c_string(model.name),
         "guid": _c_string(guid),
@@ -364,8 +365,8 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
     }
 
 
-def _contact_offsets(contact: ca.Function, contacts: int) -> dict[str, object]:
-    """Return the first row of each result in the stacked results of contacts, as a C initializer.
+def _contact_result_offsets(contact: ca.Function, contacts: int) -> dict[str, object]:
+    """Return members of ``Model`` that say at which row each result of the contact function begins.
 
     :param contacts: their number; where redundant ones have factors of G, their product has rows behind the results.
     """
@@ -400,7 +401,7 @@ def _tables(model: Model) -> list[_Table]:
         mismatch = mismatch_index(model, a)
         active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
     tables = [
-        _Table("variables", "", "Variable", _variable_rows(model)),
+        _Table("variables", "", "Variable", _variable_initializers(model)),
         _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _differing_starts(model)]),
         _Table("active", "active_rows", "Active", active),
         _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_flags(model)]),
@@ -417,15 +418,15 @@ def _tables(model: Model) -> list[_Table]:
             "impulse",
             "impulse_rows",
             "ImpulseInput",
-            [_initializer(sums.start, load, len(sums)) for load, sums in _impulse_ranges(model)],
+            [_initializer(sums.start, load, len(sums)) for load, sums in _load_impulses(model)],
         ),
-        _Table("reaction", "reaction_rows", "Reaction", _reaction_rows(model)),
+        _Table("reaction", "reaction_rows", "Reaction", _reaction_initializers(model)),
     ]
     return [table for table in tables if table.rows]
 
 
 def _contact_tables(model: Model) -> Iterator[_Table]:
-    """Yield tables of unilateral liaisons and dry frictions, with their slots in the memory."""
+    """Yield the tables of unilateral liaisons and dry frictions, whose rows have indices in the memory."""
     if not model.contacts:  # then a long chain need not be flattened
         return
     slot = {name: i for i, name in enumerate(model.memory)}
@@ -434,15 +435,17 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
     first = scalar_count((*model.parameters, *model.inputs))
     index = {v.name: i for i, v in enumerate(model.flat().outputs)}
 
-    def loss(name: str) -> int:
-        """Return the slot of the energy that impacts of a part have cost."""
+    def loss_slot(name: str) -> int:
+        """Return the slot of the energy that is lost by impacts of a part."""
         part, dot, _ = name.rpartition(".")
         return slot[f"{part}{dot}impact_loss"]
 
     ends = ("closed", "rests_from", "impulse", "impacts")
-    gap_rows = [_initializer(_c_string(c.name), *(slot[c.variable(end)] for end in ends), loss(c.name)) for c in gaps]
+    gap_rows = [
+        _initializer(_c_string(c.name), *(slot[c.variable(end)] for end in ends), loss_slot(c.name)) for c in gaps
+    ]
     friction_rows = [
-        _initializer(_c_string(c.name), slot[c.variable("direction")], normals.get(c.normal, -1), loss(c.name))
+        _initializer(_c_string(c.name), slot[c.variable("direction")], normals.get(c.normal, -1), loss_slot(c.name))
         for c in model.contacts
         if c.friction
     ]
@@ -454,14 +457,14 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
     yield _Table("indicator", "indicators", "size_t", [str(first + index[name]) for name in model.flat().indicators])
 
 
-def _impulse_ranges(model: Model) -> list[tuple[int, range]]:
-    """Return for each load with a sum of impulses its index among the inputs, and those of the sum."""
+def _load_impulses(model: Model) -> list[tuple[int, range]]:
+    """Return for each load that has a sum of impulses the first index among the inputs, and those of the sum."""
     inputs = index_ranges(model.inputs)
     pairs = ((indices.start, inputs.get(impulse_name(name))) for name, indices in inputs.items() if "_load" in name)
     return [(load, sums) for load, sums in pairs if sums is not None]
 
 
-def _reaction_rows(model: Model) -> list[str]:
+def _reaction_initializers(model: Model) -> list[str]:
     """Return a C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
     if not model.contacts:  # then none does
         return []
@@ -480,10 +483,14 @@ def _reaction_rows(model: Model) -> list[str]:
     ]
 
 
-def _variable_rows(model: Model) -> list[str]:
+def _variable_initializers(model: Model) -> list[str]:
     """Return a C initializer for each variable."""
     variables = (*model.variables, TIME)
-    indices, states, activities = index_ranges(variables), index_ranges(state_outputs(model)), _effects_of_inputs(model)
+    indices, states, activities = (
+        index_ranges(variables),
+        index_ranges(state_outputs(model)),
+        _activities_of_inputs(model),
+    )
     kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
     return [
         _initializer(
@@ -508,12 +515,12 @@ def _variable_rows(model: Model) -> list[str]:
 
 
 def _common_start(variable: Variable) -> float:
-    """Return the start value of all elements of a variable; 0 where they differ and are listed one by one."""
+    """Return the start value that all elements of a variable have; 0 if they differ."""
     return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
 def _differing_starts(model: Model) -> list[tuple[int, float]]:
-    """Return indices and start values of the elements of arrays whose start values differ."""
+    """Return index and start value of each element that has not the common start of its array."""
     listed = []
     for variable, indices in zip(model.variables, index_ranges(model.variables).values(), strict=True):
         common = _common_start(variable)  # once: an array may have 100 000 elements
@@ -527,14 +534,14 @@ def _initializer(*members: object) -> str:
 
 
 def _c_number(value: float) -> str:
-    """Return a C literal."""
+    """Return a number as a C literal."""
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
 def _c_string(text: str) -> str:
-    """Return a C string literal."""
+    """Return a text as a C string literal."""
     return json.dumps(text, ensure_ascii=False)  # its escapes are those of C
 
 
@@ -542,7 +549,10 @@ def _c_string(text: str) -> str:
 
 
 def _fmi_header(name: str) -> bytes:
-    """Return a header of the FMI standard from the files of FMPy, which is not imported."""
+    """Return the content of a header of the FMI standard, from FMPy's files.
+
+    :raises BuildError: if it is missing.
+    """
     package = find_spec("fmpy")
     folder = Path(package.origin).parent if package and package.origin else Path()
     try:

@@ -27,21 +27,21 @@ _LINKS = 12
 
 
 def running_dependencies(model: Model) -> Pattern:
-    """Return which outputs depend on which of time, states, inputs and parameters."""
-    m = _with_few_links(model)
+    """Return which outputs (rows) depend on which of time, states, inputs and parameters (columns), by variables."""
+    m = _shortened_chain(model)
     groups = {0: (TIME,), 1: state_outputs(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(running_outputs(m), m.outputs, groups)
 
 
 def initial_dependencies(model: Model) -> Pattern:
-    """Return which outputs depend on which of time, inputs and parameters at initialization."""
-    m = _with_few_links(model)
+    """Return which outputs (rows) depend on which of time, inputs and parameters at initialization, by variables."""
+    m = _shortened_chain(model)
     return _variable_pattern(initial_outputs(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
-def _with_few_links(model: Model) -> Model:
-    """Return the model of a chain with few links; any other model, or one without arrays, itself."""
+def _shortened_chain(model: Model) -> Model:
+    """Return the model of a chain with few links, which has the same dependencies; any other model as it is."""
     if not (model.programs and any(variable.dimension for variable in model.outputs)):
         return model
     name_of = {name.removesuffix("_function"): name for name in SIGNATURES}
@@ -74,39 +74,43 @@ def running_outputs(model: Model) -> ca.Function:
 
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:
-    """Return the sparsity pattern of the Jacobian with respect to some arguments, side by side."""
-    return csr_array(hstack([_jacobian_pattern(function, argument) for argument in arguments], format="csr"))
+    """Return the pattern of the Jacobians of the first result by some arguments, side by side."""
+    patterns = []
+    for sparsity in (function.jac_sparsity(0, argument) for argument in arguments):
+        rows, columns = np.array(sparsity.get_triplet(), dtype=int)
+        patterns.append(csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape))
+    return csr_array(hstack(patterns, format="csr"))
 
 
 def _variable_pattern(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
-    """Return which variables of a function's result depend on which variables of some arguments.
+    """Return which variables of a function's first result depend on which variables of its arguments.
 
     :returns: shape (results, all variables of the arguments, side by side).
     """
 
-    def owners(variables: Iterable[Variable]) -> NDArray:
-        """Return the index of the variable of each number."""
+    def variable_indices(variables: Iterable[Variable]) -> NDArray:
+        """Return for each number the index of its variable."""
         counts = [variable.count for variable in variables]
         return np.repeat(np.arange(len(counts)), counts)
 
     knowns = list(chain.from_iterable(arguments.values()))
     rows, columns = jacobian_sparsity(function, list(arguments)).nonzero()
     pattern = np.zeros((len(results), len(knowns)), dtype=bool)
-    pattern[owners(results)[rows], owners(knowns)[columns]] = True
+    pattern[variable_indices(results)[rows], variable_indices(knowns)[columns]] = True
     return pattern
 
 
 def coupled_state_count(model: Model) -> int:
-    """Return how many of the first numbers of y the rates depend on; those behind are integrals along the motion."""
-    m, states = _with_few_links(model), state_outputs(model)
+    """Return the number of coupled states, which stand first: rates depend on them, not on the states behind."""
+    m, states = _shortened_chain(model), state_outputs(model)
     columns = _variable_pattern(m.derivatives, state_outputs(m), {1: state_outputs(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
 def state_outputs(model: Model) -> tuple[Variable, ...]:
-    """Return the output variables that show the states, in the order of y."""
+    """Return the output variables of the states, in the order of y."""
     named = {variable.name: variable for variable in model.outputs}
     return tuple(named[state.name] for state in model.states)
 
@@ -115,7 +119,7 @@ def states_that_jump(model: Model) -> set[str]:
     """Return names of the states that an impact or a jump of the inputs changes, such as the work."""
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
-    m = _with_few_links(model)
+    m = _shortened_chain(model)
     states = state_outputs(m)
     pattern = _variable_pattern(m.jump, states, {1: states, 2: m.inputs})
     pattern[np.diag_indices(len(states))] = False
@@ -123,7 +127,7 @@ def states_that_jump(model: Model) -> set[str]:
 
 
 def event_outputs(model: Model) -> tuple[set[str], set[str]]:
-    """Return names of the outputs that change at events only, and of these with all that depend on them.
+    """Return the names of the outputs that change at events only, and those of all outputs that depend on them.
 
     Contacts decide them from everything, at an event and at the start.
     """
@@ -131,19 +135,12 @@ def event_outputs(model: Model) -> tuple[set[str], set[str]]:
         return set(), set()
     own = tuple(f"{array_and_index(contact.name)[0]}_" for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
-    rows = _jacobian_pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
+    rows = jacobian_sparsity(model.outputs_function, [4])[:, modes].nonzero()[0]
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]
     changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
     return changing, changing | {outputs[row] for row in rows}
 
 
 def _inlined_call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
-    """Return the results of a function, with its expressions in the place of a call where possible."""
+    """Return the results of a call, inlined if the function is of MX type."""
     return list(function.call(list(arguments), function.is_a("MXFunction"), False))
-
-
-def _jacobian_pattern(function: ca.Function, argument: int) -> csr_array:
-    """Return the sparsity pattern of the Jacobian with respect to one argument."""
-    sparsity = function.jac_sparsity(0, argument)
-    rows, columns = np.array(sparsity.get_triplet(), dtype=int)
-    return csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape)

@@ -86,7 +86,7 @@ LOG_CATEGORIES = {
 
 
 def source_names(fmi: Fmi) -> tuple[str, ...]:
-    """Return the names of the C files that make up a binary."""
+    """Return the names of the C files that are compiled, model.c first."""
     return (*_SOURCES, f"fmi{fmi}.c")
 
 
@@ -127,7 +127,7 @@ def _root_children(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
 
 
 def _interfaces(model: Model, fmi: Fmi, backend: Backend) -> dict[str, dict[str, str]]:
-    """Return the capabilities of the interfaces of an FMU, by their elements."""
+    """Return the attributes of ModelExchange and CoSimulation, by name of the element."""
     if backend == "python":
         return {"CoSimulation": _CO_SIMULATION_IN_PYTHON}
     if fmi == "2":
@@ -142,14 +142,14 @@ def _interfaces(model: Model, fmi: Fmi, backend: Backend) -> dict[str, dict[str,
 
 
 def _unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
-    """Yield the units of variables, with base units and display units."""
+    """Yield the lines of UnitDefinitions."""
     names = sorted({variable.unit for variable in variables} - {units.ANY})
     if names:
         yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit_definition, names)))
 
 
 def _unit_definition(name: str) -> Iterator[str]:
-    """Yield the definition of a unit."""
+    """Yield the lines of a Unit, with its base unit and display units."""
     unit = units.parse(name)
     base = element("BaseUnit", {base: str(exponent) for base, exponent in unit.exponents})
     display = (element("DisplayUnit", {"name": name, "factor": repr(factor)}) for name, factor in unit.display)
@@ -157,20 +157,20 @@ def _unit_definition(name: str) -> Iterator[str]:
 
 
 def _log_categories() -> Iterator[str]:
-    """Yield the categories of log messages."""
+    """Yield the lines of LogCategories."""
     lines = (element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items())
     yield from element("LogCategories", {}, chain.from_iterable(lines))
 
 
 def _default_experiment(model: Model) -> Iterator[str]:
-    """Yield times, step size and tolerance of the default experiment."""
+    """Yield the line of DefaultExperiment."""
     e = model.experiment
     values = {"startTime": 0.0, "stopTime": e.stop_time, "tolerance": e.tolerance, "stepSize": e.step_size}
     yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in values.items()})
 
 
 def _size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
-    """Return the general attributes of a structural size."""
+    """Return the attributes of the variable of a structural size."""
     return {
         "name": size.name,
         "valueReference": str(reference),
@@ -198,7 +198,7 @@ def _general_attributes(variable: Variable, reference: int) -> dict[str, str]:
 
 
 def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
-    """Return unit, range and nominal value of a variable; none of integers and Booleans.
+    """Return the attributes that only a real variable has: unit, range, nominal value.
 
     :param nominal: where it declares none; 1 is FMI's default.
     """
@@ -216,15 +216,15 @@ def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
 
 
 def _start_attribute(variable: Variable) -> dict[str, str]:
-    """Return the attribute of the start value; of an array one number stands for all elements."""
+    """Return the attribute ``start``, if there is a start value; one number stands for all elements of an array."""
     if variable.start is None:
         return {}
     values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
     return {"start": " ".join(repr(float(value)) for value in values)}
 
 
-def _nominals(model: Model) -> dict[str, list[float]]:
-    """Return nominal values of the states at the default start, by name; 1 where there is none."""
+def _state_nominals(model: Model) -> dict[str, list[float]]:
+    """Return the nominal values of the states at the default start, by name; 1 for one that is 0 or not finite."""
     u, k = start_vectors(model)
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
@@ -241,7 +241,7 @@ def _model_structure_groups(
     running: Knowns,
     starting: Knowns,
 ) -> Iterator[list[str]]:
-    """Yield, group by group, the elements of outputs, derivatives, initial unknowns and event indicators.
+    """Yield the lines of ModelStructure in groups: outputs, derivatives, initial unknowns, event indicators.
 
     :param titles: names of the elements of each group.
     :param attribute: holds the reference of an unknown.
@@ -260,14 +260,14 @@ def _model_structure_groups(
         (model.indicators, running, at_events),
     )
 
-    def numbers(names: Iterable[str]) -> list[int]:
+    def references_of(names: Iterable[str]) -> list[int]:
         return [reference for name in names for reference in references[name]]
 
-    first = min(numbers(variable.name for variable in model.outputs), default=0)
+    first = min(references_of(variable.name for variable in model.outputs), default=0)
     for title, (names, (variables, pattern), decided) in zip(titles, groups, strict=False):
-        columns, from_all = np.array(numbers(variable.name for variable in variables)), {*numbers(decided)}
+        columns, from_all = np.array(references_of(variable.name for variable in variables)), {*references_of(decided)}
         lines: list[str] = []
-        for unknown in numbers(names):
+        for unknown in references_of(names):
             attributes = {attribute: str(unknown)}
             if pattern is not None:
                 start, end = pattern.indptr[unknown - first : unknown - first + 2]
@@ -281,7 +281,7 @@ def _model_structure_groups(
 
 
 def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
-    """Yield the structural sizes, the variables, the time in FMI 3.0, and the settings."""
+    """Yield the lines of ModelVariables: structural sizes, variables, the time in FMI 3.0, settings."""
     sizes = size_references(model)
     sized = {variable.dimension for variable in model.variables} if fmi == "3" else set()
     kind, numbers = ("Integer", ("start",)) if fmi == "2" else ("Size", ("min", "max", "start"))
@@ -289,7 +289,7 @@ def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
         causality = ("structuralParameter", "fixed") if size in sized else ("local", "constant")
         attributes = _size_attributes(size, sizes[size.name], *causality)
         yield from _variable_element(fmi, kind, attributes, dict.fromkeys(numbers, str(size.count)))
-    references, nominals = _value_references(model, fmi), _nominals(model)
+    references, nominals = _value_references(model, fmi), _state_nominals(model)
     jumping = states_that_jump(model) | states_moved_by_jumps(model) if backend == "native" else set()
     for variable in model.variables:
         more = {"reinit": "true"} if variable.name in jumping else {}
@@ -297,7 +297,7 @@ def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
             more["intermediateUpdate"] = "true"
         own = nominals.get(variable.name, [1.0])
         common, alike = _real_attributes(variable, max(own)) | more, fmi == "3" or len({*own}) == 1
-        shape = [*_shape(variable.dimension, sizes)] if fmi == "3" and variable.dimension else []
+        shape = [*_dimension_element(variable.dimension, sizes)] if fmi == "3" and variable.dimension else []
         scalars = variable.elements() if fmi == "2" else (variable,)
         for i, (reference, scalar) in enumerate(zip(references[variable.name], scalars, strict=True)):
             of_kind = common if alike else _real_attributes(variable, own[i]) | more
@@ -319,21 +319,24 @@ def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
 def _variable_element(
     fmi: Fmi, kind: str, attributes: Mapping[str, str], of_kind: Mapping[str, str], shape: Iterable[str] = ()
 ) -> Iterator[str]:
-    """Return the lines of a variable's element, with attributes of all kinds and those of its kind."""
+    """Yield the lines of a variable.
+
+    :param of_kind: attributes that FMI 2.0 writes in an element of their own.
+    """
     if fmi == "2":
         return element("ScalarVariable", attributes, element(kind, of_kind))
     return element(_TYPES[kind], {**attributes, **of_kind}, shape)
 
 
-def _shape(size: Dimension, references: Mapping[str, int]) -> Iterator[str]:
-    """Yield the size of an array: the reference of a structural size, or a fixed number."""
+def _dimension_element(size: Dimension, references: Mapping[str, int]) -> Iterator[str]:
+    """Yield the line of a Dimension: the reference of a structural size, or a fixed number."""
     known = size.name in references
     number = {"valueReference": str(references[size.name])} if known else {"start": str(size.count)}
     yield from element("Dimension", number)
 
 
 def _value_references(model: Model, fmi: Fmi) -> dict[str, range]:
-    """Return the value references of each variable: in FMI 2.0 of its elements; in FMI 3.0 one, also of the time."""
+    """Return the value references of each variable by name: of its elements in FMI 2.0, one in FMI 3.0."""
     first = first_reference(model)
     if fmi == "3":
         return {v.name: range(i, i + 1) for i, v in enumerate((*model.variables, TIME), first)}
@@ -345,7 +348,7 @@ def _value_references(model: Model, fmi: Fmi) -> dict[str, range]:
 
 
 def _model_structure(model: Model, fmi: Fmi) -> Iterator[str]:
-    """Yield the unknowns in ModelStructure; in FMI 2.0 in groups."""
+    """Yield the lines of ModelStructure."""
     references, states = _value_references(model, fmi), state_outputs(model)
     if fmi == "3":
         running = (TIME, *states, *model.inputs, *model.parameters), csr_array(running_dependencies(model))

@@ -35,7 +35,7 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 @cache
 def _licence_text() -> bytes:
-    """Return the licences of the parts of an FMU."""
+    """Return the text of the licences of the parts of an FMU."""
     distribution = metadata.distribution("liaisons")
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
     return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()

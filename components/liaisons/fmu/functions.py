@@ -23,7 +23,7 @@ _DECLARATION = "const double "
 
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
-    """Return C definitions of functions, each name once, as lines, and the size of the work space that they need.
+    """Return lines of C that define functions, each name once, and the number of doubles in their work space.
 
     Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler merges sine and cosine of
     one argument.  CasADi prints the rest: maps over the links of a chain, external calls.
@@ -32,7 +32,7 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     straight: list[str] = []
     space = 0
     for function in {function.name(): function for function in functions}.values():
-        if _is_scalar(function):
+        if _is_printable(function):
             lines, numbers = _straight_line_code(function)
             straight += lines
         else:
@@ -43,14 +43,14 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     return [generator.dump().replace("hypot(x, y)", "sqrt(x * x + y * y)"), *straight], space
 
 
-def _is_scalar(function: ca.Function) -> bool:
-    """Return whether all operations of a function can be printed as straight-line code."""
+def _is_printable(function: ca.Function) -> bool:
+    """Return whether all operations of a function are scalar ones that can be printed in straight lines."""
     printable = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
     return function.is_a("SXFunction") and operation_codes(function) <= printable
 
 
 def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
-    """Return the definition of a function of scalar operations, and the size of its work space."""
+    """Return lines of C that define a function of scalar operations, and the number of doubles in its work space."""
     arguments = function.sx_in()
     results = function.call(arguments, True, False)
     clear: list[str] = []
@@ -84,7 +84,7 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
 
 
 def _joined_declarations(lines: Iterable[str]) -> list[str]:
-    """Return statements with successive declarations joined in one, which takes half of the text."""
+    """Return statements with successive declarations joined in one."""
     joined: list[str] = []
     for declares, group in groupby(lines, lambda line: line.startswith(_DECLARATION)):
         if declares:
@@ -95,14 +95,14 @@ def _joined_declarations(lines: Iterable[str]) -> list[str]:
 
 
 def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
-    """Return first and end of the ranges of entries that are not 0."""
+    """Return the first index and the end of each range of entries that are not 0."""
     edges = [True, *is_zero, True]
     changes = [i for i in range(len(edges) - 1) if edges[i] != edges[i + 1]]
     return list(zip(changes[::2], changes[1::2], strict=True))
 
 
 def function_definition(name: str, statements: Iterable[str]) -> list[str]:
-    """Return the C definition of a function as core.h declares them, as lines."""
+    """Return lines of C that define a function with these statements, declared as in core.h."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",
         "    int memory) {",

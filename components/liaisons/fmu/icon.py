@@ -1,4 +1,4 @@
-"""Icon of a component: its named points and their paths, a path in the plane or in phase space, a signal; else letters.
+"""Icon of a component: its picture, or a signal; else letters.
 
 Drawn from the default experiment.  The guid does not depend on it: another matplotlib draws another icon.
 """
@@ -6,15 +6,14 @@ Drawn from the default experiment.  The guid does not depend on it: another matp
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.fmu.documentation.figures import picture_faces
 from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import Trajectory, trajectory
+from liaisons.fmu.reference_results import trajectory
 from liaisons.mechanics.model import Model
 
 if TYPE_CHECKING:
@@ -25,13 +24,13 @@ SIZE = 96
 
 _MARGIN = 14 / SIZE
 _INK, _ACCENT = "#5f6f86", "#d9782d"  # both can be seen on white and on black
-_FLAT = 1e-6  # a picture this much wider than high is a line, and shows nothing
+_LINE = 3  # width of the outline of shapes, without which thin ones are hard to see
 _STYLE = {"path.simplify": False, "path.snap": False, "lines.solid_capstyle": "round", "lines.markeredgewidth": 0.0}
 _METADATA = {"png": {"Software": None}, "svg": dict.fromkeys(("Creator", "Date", "Format", "Type"))}
 
 
 def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return the icon as PNG and SVG by path in the archive; FMI 2.0 has a PNG at the root, too."""
+    """Return the files of the icon, PNG and SVG, by path in the archive; FMI 2.0 has a PNG at the root, too."""
     import matplotlib.style
     from matplotlib.figure import Figure
 
@@ -41,7 +40,7 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
         axes = figure.add_axes((_MARGIN, _MARGIN, 1 - 2 * _MARGIN, 1 - 2 * _MARGIN))
         axes.set_axis_off()
         axes.margins(0)
-        if not _draw_experiment(axes, trajectory(model)):
+        if not _draw_experiment(axes, model):
             _write_initials(axes, model.name)
         for kind, file in files.items():
             figure.savefig(file, format=kind, transparent=True, metadata=_METADATA[kind])
@@ -49,54 +48,20 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
     return members | ({"model.png": members["terminalsAndIcons/icon.png"]} if fmi == "2" else {})
 
 
-def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
-    """Draw named points, else a path in the plane or in phase space, else a signal; return False if nothing moves."""
-    if results is None:
-        return False
-    points = _paths_in_planes(results, "point")
-    if points:  # they hang on each other, the first on the origin
-        paths = np.concatenate(points, axis=1)
-        _draw_paths(axes, [*np.moveaxis(paths, 1, 0)], paths[0])
-        axes.plot(*np.vstack([np.zeros(2), paths[0]]).T, color=_INK, linewidth=3, clip_on=False)
-        axes.plot(0, 0, "o", color=_INK, markersize=6, clip_on=False)
+def _draw_experiment(axes: Axes, model: Model) -> bool:
+    """Draw the mechanism at its start, else the first signal that changes; returns whether there is one."""
+    results = trajectory(model)
+    for face in (faces := picture_faces(model, results)):
+        axes.fill(*face.corners.T, color=face.colour, linewidth=_LINE, joinstyle="round", clip_on=False)
+    if faces or results is None:
         axes.set_aspect("equal")
-        return True
-    free = _paths_in_planes(results, "free")
-    phases = [
-        np.stack([results[state.name], results[f"p_{state.name}"]], axis=-1)
-        for state in results.model.states
-        if f"p_{state.name}" in results
-    ]
-    signals = [results[port.name] for port in results.model.ports if port.kind == "signal"]
-    curves = [np.stack([results.times[:, None], signal], axis=-1) for signal in signals]
-    for k, path in enumerate(path[:, 0] for path in (*free, *phases, *curves)):
-        if np.min(np.ptp(path, axis=0)) > _FLAT * np.max(np.ptp(path, axis=0)):
-            _draw_paths(axes, [path], path[:1])
-            axes.set_aspect("equal" if k < len(free) else "auto")
-            return True
-    return False
-
-
-def _draw_paths(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
-    """Draw thin paths, (n, 2) each, and dots where they start."""
-    for path in paths:
-        axes.plot(*path.T, color=_ACCENT, linewidth=2, clip_on=False)
-    axes.plot(*start.T, "o", color=_INK, markersize=11, clip_on=False)
-
-
-def _paths_in_planes(results: Trajectory, kind: str) -> list[NDArray]:
-    """Return paths of points among the ports of a kind, (n, count, 2) each, in the two of x, y, z that vary most."""
-    components: dict[str, list[str]] = {}
-    for port in results.model.ports:
-        point, _, axis = port.name.rpartition("_")
-        if port.kind == kind and axis in ("x", "y", "z"):
-            components.setdefault(point, []).append(port.name)
-    paths: list[NDArray] = []
-    for axes in components.values():
-        varied = sorted(axes, key=lambda name: -float(np.ptp(results[name])))[:2]
-        if len(varied) == 2:
-            paths.append(np.stack([results[name] for name in axes if name in varied], axis=-1))
-    return paths
+        return bool(faces)
+    signals = (results[port.name] for port in results.model.ports if port.kind == "signal")
+    changing = next((signal[:, 0] for signal in signals if np.ptp(signal) > 0), None)
+    if changing is not None:
+        axes.plot(results.times, changing, color=_ACCENT, linewidth=2, clip_on=False)
+        axes.plot(0, changing[0], "o", color=_INK, markersize=11, clip_on=False)
+    return changing is not None
 
 
 def _write_initials(axes: Axes, name: str) -> None:

@@ -45,12 +45,12 @@ class Jumps:
 
     @property
     def have_limit(self) -> NDArray[np.bool_]:
-        """Whether each prescribed number can jump alone as the limit of a fast motion; (a,)."""
+        """Whether a jump of each prescribed number alone is the limit of a fast motion; shape (a,)."""
         return ~np.diag(self.mixes)
 
     @property
     def move_states(self) -> bool:
-        """Whether some jump moves states."""
+        """Whether some jump with a limit moves states."""
         return bool(np.any(self.have_limit & (self.moves | self.mixes.any(axis=1))))
 
 
@@ -73,20 +73,20 @@ def jump_effects(model: Model) -> Jumps:
         resting = sample.u.copy()
         resting[[rate for rate, _ in numbers]] = 0
         for i, (rate, acceleration) in enumerate(numbers):
-            moves[i] |= sample.changed_rates(resting, rate).any()
+            moves[i] |= sample.depends_on_product(resting, rate).any()
             # Rates depend on accelerations that make constraint forces: momenta are no states of motion then.
-            mixes[i, i] |= sample.changed_rates(sample.u, acceleration).any()
+            mixes[i, i] |= sample.depends_on_product(sample.u, acceleration).any()
             for j, (second_rate, _) in enumerate(numbers[: i + 1]):
-                mixes[i, j] |= sample.changed_rates(sample.u, rate, second_rate).any()
+                mixes[i, j] |= sample.depends_on_product(sample.u, rate, second_rate).any()
                 mixes[j, i] = mixes[i, j]
     for sample in samples:
         for i in np.flatnonzero(~np.diag(mixes)):
-            moved[:size] |= sample.changed_rates(sample.u, numbers[i][0])
+            moved[:size] |= sample.depends_on_product(sample.u, numbers[i][0])
     return Jumps(moves, mixes, moved)
 
 
 def jump_flags(model: Model) -> list[list[int]]:
-    """Return flags for the runtime (JUMPS, MIXES of core.h), a row a number; none where jumps move no states."""
+    """Return flags JUMPS and MIXES of core.h, a row and a column for each prescribed number; none if nothing moves."""
     effects = jump_effects(model)
     return (np.diag(effects.moves.astype(int)) + 2 * effects.mixes).tolist() if effects.move_states else []
 
@@ -107,8 +107,8 @@ class _Sample:
     steps: NDArray  # of order 1, to change u by
     sizes: NDArray  # of the coupled states
 
-    def changed_rates(self, u: NDArray, *indices: int) -> NDArray[np.bool_]:
-        """Whether each rate has a term with these inputs as factors: an alternating sum exceeds rounding errors."""
+    def depends_on_product(self, u: NDArray, *indices: int) -> NDArray[np.bool_]:
+        """Whether each rate has a term with all of these inputs as factors, by differences; shape (coupled states,)."""
         terms = []
         for count in range(len(indices) + 1):
             for chosen in combinations(indices, count):
@@ -120,7 +120,7 @@ class _Sample:
 
 
 def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
-    """Return seeded random states that satisfy the conditions of the model."""
+    """Return seeded random samples of states and inputs that satisfy the conditions of the model."""
     random = np.random.default_rng(20240229)
     samples: list[_Sample] = []
     lasting = len(model.condition_texts) - model.start_only
@@ -151,7 +151,7 @@ def _state_rates(model: Model, vectors: Mapping[str, Any], u: NDArray) -> NDArra
 
 
 def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
-    """Return numbers near the start values and in the domains; coefficients that start at 0 are small."""
+    """Return random values of variables near their start values and in their domains."""
     numbers: list[float] = []
     for variable in variables:
         scale = 0.05 if variable.causality == "parameter" else 1.0
@@ -164,5 +164,5 @@ def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]
 
 
 def _to_array(value: ca.DM) -> NDArray:
-    """Return a column of CasADi as an array, (n,)."""
+    """Return a column of CasADi as an array, shape (n,)."""
     return np.array(value, dtype=float).ravel()

@@ -89,7 +89,7 @@ def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
 
 
 def mismatch_index(model: Model, prescribed: ActiveInput) -> int:
-    """Return the index in the memory of the mismatch of a prescribed coordinate; -1: it has none."""
+    """Return the index of the mismatch of a prescribed coordinate in the memory; -1 if it has none."""
     names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
     return next((i for i, name in enumerate(model.memory) if name in names), -1)
 
@@ -105,7 +105,7 @@ def first_reference(model: Model) -> int:
 
 
 def settings_by_reference(model: Model, fmi: Fmi) -> dict[int, Setting]:
-    """Return the settings of a model's native FMU, by value reference."""
+    """Return the settings of a native FMU, such as ``stiff_solver``, by value reference."""
     first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
     solvers = [SYMPLECTIC_STEPS, STIFF_SOLVER] * bool(model.states)
     return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + solvers, first))

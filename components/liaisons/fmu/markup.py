@@ -10,7 +10,7 @@ _ENTITIES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"}
 
 
 def element(name: str, attributes: Mapping[str, str], children: Iterable[str] = ()) -> Iterator[str]:
-    """Yield the lines of an XML element, whose children are lines, too."""
+    """Yield the lines of an XML element; children are lines, which are indented."""
     start = " ".join([f"<{name}", *(f'{key}="{escape(value, _ENTITIES)}"' for key, value in attributes.items())])
     empty = True
     for line in children:
@@ -22,7 +22,7 @@ def element(name: str, attributes: Mapping[str, str], children: Iterable[str] = 
 
 
 def document(lines: Iterable[str]) -> bytes:
-    """Return the XML file, in UTF-8, from the lines of its root."""
+    """Return the bytes of an XML file from the lines of its root element."""
     file = BytesIO(b"")
     file.write(b'<?xml version="1.0" encoding="UTF-8"?>\n')
     for line in lines:

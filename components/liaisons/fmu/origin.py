@@ -21,7 +21,7 @@ _BEFORE = b' generationTool="'
 
 
 def provenance(model: Model) -> dict[str, str]:
-    """Return author, version, licence and date as attributes of the model description of FMI 2.0 and 3.0.
+    """Return author, version, licence and date of a model as attributes of its model description.
 
     They are those of the package that publishes the component.  The date is that of the environment variable
     SOURCE_DATE_EPOCH, else, of a component of liaisons, that of its version.
@@ -41,13 +41,13 @@ def provenance(model: Model) -> dict[str, str]:
 
 
 def with_provenance(description: bytes, model: Model) -> bytes:
-    """Return a model description with the attributes of :func:`provenance`, which its guid does not depend on."""
+    """Return a model description with the attributes of :func:`provenance` added."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 
 
 def _source_date() -> str:
-    """Return the date of SOURCE_DATE_EPOCH; empty if that is not set."""
+    """Return the date and time of SOURCE_DATE_EPOCH as text; empty if that is not set."""
     seconds = os.environ.get(_EPOCH, "")
     try:
         return datetime.fromtimestamp(int(seconds), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if seconds else ""

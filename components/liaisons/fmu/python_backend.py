@@ -54,8 +54,7 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
         **extra_members(model, "2"),
         "resources/component.json": _component_table(model, guid),
     }
-    members |= _runtime_members() | _pythonfmu_members(model.name)
-    return dict(sorted(members.items()))
+    return members | _runtime_members() | _pythonfmu_members(model.name)
 
 
 def _component_table(model: Model, guid: str) -> bytes:
@@ -82,7 +81,7 @@ def _component_table(model: Model, guid: str) -> bytes:
 
 
 def _mismatch_warnings(model: Model) -> list[tuple[int, list[str]]]:
-    """Return the index of the mismatch of each prescribed coordinate, and two texts: contradiction, jump."""
+    """Return for each prescribed coordinate the index of its mismatch in the memory, and texts of two warnings."""
     effects = jump_effects(model)
     stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
     warnings = []
@@ -100,7 +99,7 @@ def _mismatch_warnings(model: Model) -> list[tuple[int, list[str]]]:
 
 
 def _runtime_members() -> dict[str, bytes]:
-    """Return our slave, whose modules carry a hash of their text: a process may hold FMUs of several versions."""
+    """Return the files of our slave, by path; a hash in their names keeps FMUs of several versions apart."""
     folder = resources.files("liaisons.fmu") / "python_runtime"
     sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
     version = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:12]
@@ -113,7 +112,7 @@ def _runtime_members() -> dict[str, bytes]:
 
 
 def _pythonfmu_members(identifier: str) -> dict[str, bytes]:
-    """Return pythonfmu's package and its binaries for all platforms, named after the model."""
+    """Return the files of pythonfmu by path: its package, and its binaries for all platforms."""
     import pythonfmu
 
     folder = Path(pythonfmu.__file__).parent

@@ -36,6 +36,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import RK45
 
+from liaisons.base.hermite import upper_coefficients
 from liaisons.fmu.dependencies import coupled_state_count
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import mismatch_index
@@ -50,22 +51,22 @@ _LARGEST = 1.7976931348623157e308
 
 
 def allowed_range(variable: Variable) -> tuple[float, float]:
-    """Return the least and the largest allowed number; an excluded bound is replaced by its neighbour."""
+    """Return the least and the largest number that a variable may have; both are allowed."""
     low = -_LARGEST if variable.minimum is None else variable.minimum
     high = _LARGEST if variable.maximum is None else variable.maximum
     return (math.nextafter(low, math.inf), math.nextafter(high, -math.inf)) if variable.strict else (low, high)
 
 
 def initial_numbers(model: Model) -> dict[str, list[float]]:
-    """Return the numbers of a new instance, by name."""
-    inputs, zero = [_start_value(variable) for variable in model.inputs], [0.0]
+    """Return the start values of all numbers of an instance, by the names above."""
+    inputs, zero = [variable.starts[0] for variable in model.inputs], [0.0]
     states, prescribed = zero * model.start.numel_out(0), zero * len(model.active)
     return {
         **dict.fromkeys(("t", "H", "x", "h", "earliest", "latest"), zero),
         "mode": [float(_EXTRAPOLATE)],
         "tolerance": [model.experiment.tolerance],
         "jumped": zero,
-        "k": [_start_value(variable) for variable in model.parameters],
+        "k": [variable.starts[0] for variable in model.parameters],
         "given": inputs,
         "z": zero * len(model.outputs),
         "drawn": zero * len(model.drawn),
@@ -79,13 +80,8 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
     }
 
 
-def _start_value(variable: Variable) -> float:
-    """Return the start value of the first element of a variable."""
-    return float(variable.starts[0])
-
-
 def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
-    """Return the functions of a slave, (all numbers) → (all numbers,), by name.
+    """Return functions of all numbers that return all numbers, some of them changed; by name.
 
     :param model: without arrays.
     :param active: for each active coordinate the indices of σ, σ̇, σ̈ among the inputs.
@@ -122,7 +118,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
 
 
 def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
-    """Return (x, H, mode, u at start, u at end) → u at x in a step: held, extrapolated or interpolated."""
+    """Return the function (x, H, mode, u at start, u at end) → u at x, a time since the start of the step."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
     tau, interpolates = x / H, mode == _INTERPOLATE
@@ -130,12 +126,8 @@ def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
     for indices in active:
         value, rate, acceleration = ca.vertsplit(start[indices])
         sigma = value + x * (rate + x * acceleration / 2)
-        # What the parabola misses at the end: value, rate, acceleration.
-        a = end[indices[0]] - (value + H * (rate + H * acceleration / 2))
-        b = H * (end[indices[1]] - (rate + H * acceleration))
-        c = H**2 * (end[indices[2]] - acceleration)
-        constant, linear, square = 10 * a - 4 * b + c / 2, -15 * a + 7 * b - c, 6 * a - 3 * b + c / 2
-        sigma += ca.if_else(interpolates, tau**3 * (constant + tau * (linear + tau * square)), 0)
+        cubic, quartic, quintic = upper_coefficients(ca.vertsplit(start[indices]), ca.vertsplit(end[indices]), H)
+        sigma += ca.if_else(interpolates, tau**3 * (cubic + tau * (quartic + tau * quintic)), 0)
         for index in indices:
             u[index] = ca.if_else(mode == _HOLD, start[index], sigma)
             sigma = ca.jacobian(sigma, x)
@@ -144,7 +136,7 @@ def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
 
 
 def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """Return dy/dt of (x, y) inside a step; NaN where a domain is left.
+    """Return the function (x, y) → dy/dt inside a step; NaN outside of a domain.
 
     Time is kept between the earliest and the latest, that is on one side of an event.
     """
@@ -164,7 +156,7 @@ def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Call
 
 
 def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
-    """Return the result and the error of a step of the pair of Dormand and Prince, with SciPy's tableau."""
+    """Return expressions of the next y and of its error by a step of the pair of Dormand and Prince."""
     slopes, y = rates(n.x, n.y), n.y
     for part, row in zip([*RK45.C[1:], 1], [*RK45.A[1:], RK45.B], strict=True):
         y = n.y + n.h * ca.mtimes(slopes, ca.DM(row[: slopes.shape[1]]))
@@ -181,7 +173,7 @@ def _mismatch_and_jump(
     n: SimpleNamespace,
     active: list[list[int]],
 ) -> dict[str, ca.MX]:
-    """Return expressions of how σ differs from its rates over a step, and of the jump that follows."""
+    """Return expressions of the mismatch of σ and its rates over a step, and of the jump that follows from it."""
     if not active:
         return {"target": n.given}
     values, rates, accelerations = map(list, zip(*active, strict=True))
@@ -216,7 +208,7 @@ def _mismatch_and_jump(
 
 
 def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """Return dy/dx of (x, y) by jumps up to u, 0 <= x <= 1."""
+    """Return the function (x, y) → dy/dx along a jump of σ to u, 0 <= x <= 1."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
     count, jump = coupled_state_count(model), n.jump
 

@@ -13,7 +13,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -46,12 +46,10 @@ _SSP = "http://ssp-standard.org/SSP1/"
 _CONTACTS = "contacts have no integration that is independent of the FMU"
 _SAMPLES = "at a sample the outputs depend on whether inputs are set before they are read"
 _GIVEN_UP = "it leads to a singularity, or there is too much to integrate while an FMU is built"
-_ABOUT = """\
-{name}_out.csv: results of the default experiment, every {interval:g} s, {starts}.
-Integrated by DOP853 with a relative tolerance of {tolerance:g} from the functions that the FMU was generated from, not
-by the FMU; nine digits of the greatest number of a column.  With its default tolerance the FMU agrees to 1e-7 of that
-number.
-"""
+_ABOUT = (
+    f"Results of the default experiment, integrated independently of the FMU by DOP853 with a relative tolerance of "
+    f"{TOLERANCE:g}; nine digits of the greatest number of each column"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +62,9 @@ class Trajectory:
     states: NDArray
     values: NDArray
 
-    @cached_property
-    def _output_ranges(self) -> dict[str, range]:
-        """Indices of each output's elements, by name."""
-        return index_ranges(self.model.outputs)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._output_ranges
-
     def __getitem__(self, name: str) -> NDArray:
         """Values of an output, shape (n, count)."""
-        return self.values[:, self._output_ranges[name]]
+        return self.values[:, index_ranges(self.model.outputs)[name]]
 
 
 class _GivenUpError(Exception):
@@ -83,7 +73,7 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Return the integrated default experiment; None if it is singular, has contacts or samples, or takes too long."""
+    """Return the trajectory of the default experiment; None for contacts, samples, singularities, or too much work."""
     count = model.derivatives.numel_in(1)
     if model.contacts or model.sample or count * INTERVALS > WORK:
         return None
@@ -113,8 +103,10 @@ def _with_reference_starts(model: Model) -> Model:
     scalars = [v.name for v in (*model.parameters, *model.inputs) if v.dimension is None]
     for name in reference:
         if name not in scalars:
-            unknown = f"{name!r} is no scalar parameter or input{suggestion(name, scalars)}"
-            raise ComponentError(f"{model.name}: Experiment(reference=...): {unknown}")
+            raise ComponentError(
+                f"{model.name}: Experiment(reference=...): {name!r} is no scalar parameter or input"
+                f"{suggestion(name, scalars)}"
+            )
 
     def started(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
         return tuple(replace(v, start=reference[v.name]) if v.name in reference else v for v in variables)
@@ -127,7 +119,7 @@ _Motion = Callable[[float], NDArray]
 
 
 def _input_motion(model: Model, start: NDArray) -> _Motion:
-    """Return the inputs as a function of time: prescribed coordinates at constant acceleration, others at rest.
+    """Return the inputs as a function of time: prescribed coordinates of constant acceleration, other inputs constant.
 
     Such a motion is exact in an FMU for any communication step size.
     """
@@ -166,7 +158,7 @@ def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion,
 
 
 def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
-    """Return dy/dt of (t, y), which raises an error when the allowed work is done."""
+    """Return the function (t, y) → dy/dt, which raises _GivenUpError after too many calls."""
     state, result = np.zeros((2, model.derivatives.numel_out(0)))
     time = np.zeros(1)
     call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
@@ -186,7 +178,7 @@ def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[flo
 
 
 def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dict[str, bytes]:
-    """Return the manifest and, with results, their tables and parameters, by path in the archive.
+    """Return the files of fmi-ls-ref by path in the archive: manifest, and tables and parameters of the results.
 
     :param results: of this model; None where there are none.
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
@@ -209,21 +201,13 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             table = _csv_table(results.times, inputs, fmi)
             add("text/csv", f"{model.name}_in.csv", "testcase", "Inputs of the reference results", table)
         shown = {v: _rounded(results[v.name]) for v in table_variables(model)}
-        about = "Results of the default experiment, integrated independently of the FMU"
-        add("text/csv", f"{model.name}_out.csv", "result", about, _csv_table(results.times, shown, fmi))
-        own = [f"parameters of {model.name}.ssv"] * bool(starts) + [f"inputs of {model.name}_in.csv"] * bool(inputs)
-        members["documentation/fmi-ls-ref.txt"] = _ABOUT.format(
-            name=model.name,
-            interval=model.experiment.stop_time / INTERVALS,
-            starts=" and ".join([*own, "all else at its start value"]),
-            tolerance=TOLERANCE,
-        ).encode()
+        add("text/csv", f"{model.name}_out.csv", "result", _ABOUT, _csv_table(results.times, shown, fmi))
     why = _CONTACTS if model.contacts else _SAMPLES if model.sample else _GIVEN_UP
     return {MANIFEST: _manifest(related, why), **members}
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
-    """Return the inputs that leave their start values, with their values, (n, 1)."""
+    """Return the values of the inputs that leave their start values, shape (n, count) each."""
     indices = index_ranges(model.inputs)
     values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
     return {variable: column for variable, column in values.items() if np.any(column != variable.starts)}
@@ -241,7 +225,7 @@ def _parameter_set(starts: Mapping[str, float]) -> bytes:
 
 
 def table_variables(model: Model) -> list[Variable]:
-    """Return the variables in the table: states, energy, operators' forces, signals; no long arrays."""
+    """Return the variables of the table of results: states, energy, operators' forces, signals; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
     forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
@@ -251,7 +235,7 @@ def table_variables(model: Model) -> list[Variable]:
 
 
 def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
-    """Return a table of the times (n,) and of variables (n, count)."""
+    """Return a CSV file with times, shape (n,), and variables, shape (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[e.name for e in v.elements()] if fmi == "2" else [v.name] for v in shown]
@@ -264,12 +248,11 @@ def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> b
 
 
 def _rounded(column: NDArray) -> NDArray:
-    """Return the columns with nine digits of their greatest number; rounding errors alone become 0."""
+    """Return columns rounded to nine digits of their greatest number; columns of rounding errors become 0."""
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)
-    rounded = [[round(float(x), int(d)) + 0.0 for x, d in zip(row, digits, strict=True)] for row in column]
-    return np.array(rounded)
+    return np.array([[round(float(x), int(d)) + 0.0 for x, d in zip(row, digits, strict=True)] for row in column])
 
 
 def _manifest(related: list[dict[str, str]], why: str) -> bytes:

@@ -38,7 +38,7 @@ def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
 
 
 def _root_children(ports: tuple[Terminal, ...]) -> Iterator[str]:
-    """Yield the children of the root: the place of the icon, and the terminals."""
+    """Yield the lines of the root's children: the place of the icon, and the terminals."""
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     graphics = [
         *element("CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}),
@@ -50,7 +50,7 @@ def _root_children(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
-    """Yield the terminals of ports; those of the components of one point are nested."""
+    """Yield the lines of the terminals of ports; components of one point are nested."""
     points: dict[tuple[str, str], dict[str, Terminal]] = {}  # (kind, point) -> components by axis
     for port in ports:
         if match := _COMPONENT.fullmatch(port.name):
@@ -69,7 +69,7 @@ def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminal(port: Terminal, name: str) -> Iterator[str]:
-    """Yield the terminal of a port; of a signal one for translations, and one for rotations."""
+    """Yield the lines of the terminal of a port; a signal has one for translations and one for rotations."""
     yield from _member_terminal(port, name, port.members)
     if port.kind == "signal":  # fits translations and rotations
         members = tuple(TerminalMember(_ROTATION[member.role], member.variable) for member in port.members)
@@ -77,7 +77,7 @@ def _terminal(port: Terminal, name: str) -> Iterator[str]:
 
 
 def _member_terminal(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
-    """Yield a terminal with its members."""
+    """Yield the lines of a terminal with its members."""
     attributes = {
         "name": name,
         # Force and impulses may stay unconnected.

@@ -55,7 +55,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     for name in chosen:
         if name not in units:
             raise IdentificationError(f"plot: {name!r} was not measured{suggestion(name, units)}")
-    figure = new_figure(alone=path is not None)
+    figure = new_figure(in_pyplot=path is None)
     figure.set_size_inches(10.0, 1.0 + 4.0 * len(chosen))
     diagrams = figure.subplots(2 * len(chosen), 1, sharex=True, height_ratios=[3, 1] * len(chosen))
     for name, above, below in zip(chosen, diagrams[::2], diagrams[1::2], strict=True):
@@ -102,7 +102,7 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
     angles = np.linspace(0, 2 * np.pi, _CURVE_POINTS)
     circle = np.sqrt(size) * np.array([np.cos(angles), np.sin(angles)])
     x, y = estimate.values[pair]
-    figure = new_figure(alone=path is not None)
+    figure = new_figure(in_pyplot=path is None)
     diagram = figure.subplots()
     diagram.plot(*([[x], [y]] + np.linalg.cholesky(covariance) @ circle), label=f"{100 * probability:g} %")
     diagram.plot(x, y, "+", color="C0")

@@ -346,7 +346,7 @@ class Size(Declaration[int]):
 
         :raises ComponentError: unless it is a whole number >= 2.
         """
-        check_integer(f"{owner}: {self.name}", value, ComponentError, least=2)
+        check_integer(f"{owner}: {self.name}", value, ComponentError, minimum=2)
         return int(value)
 
     def value_in(self, instance: Any) -> int:

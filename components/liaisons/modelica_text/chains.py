@@ -49,7 +49,7 @@ def chain_motion_model(component: type[Chain]) -> list[str]:
 
     def generalised_force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
         """Return the force along x: ∂L/∂x, outer forces, friction, and the forces of the links beyond."""
-        applied = ca.jacobian(link.points, x).T @ attached - link.friction.against(x_dot)
+        applied = ca.jacobian(link.points, x).T @ attached - link.friction.forces_against(x_dot)
         return gradient(L, x) + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
 
     def momentum_rate(p: ca.SX, slope: ca.SX) -> ca.SX:

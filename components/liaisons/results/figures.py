@@ -53,9 +53,11 @@ def default_names(signals: Curves, units: Mapping[str, str], ports: Mapping[str,
     groups: dict[str, list[str]] = {}
     for name in sorted(signals, key=ranks.__getitem__):
         groups.setdefault(units[name], []).append(name)
-    visible = [_distinguishable({name: signals[name] for name in names}, unit, ranks) for unit, names in groups.items()]
+    visible = [
+        _distinguishable_names({name: signals[name] for name in names}, unit, ranks) for unit, names in groups.items()
+    ]
     chosen = [name for names in [group for group in visible if group][:DIAGRAMS] for name in names]
-    return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
+    return chosen or [name for name in signals if _magnitude(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
 def plot(
@@ -70,7 +72,7 @@ def plot(
     :raises SimulationError: if ``over`` and a signal have different shapes, ``axes`` are no ``Axes`` or one diagram is
         not enough, or the file cannot be written.
     """
-    subplots = partial(_subplots, result.title, axes, alone=path is not None)
+    subplots = partial(_subplots, result.title, axes, in_pyplot=path is None)
     grid = _sweep_grid(result) if over is None else None
     if grid is None:
         diagrams = _draw_diagrams(result, names, over, subplots, legend_outside=axes is None)
@@ -85,7 +87,7 @@ def plot(
 def _draw_diagrams(
     result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
 ) -> Sequence[Axes]:
-    """Draw a diagram for each unit, its legend outside or inside."""
+    """Draw a diagram for each unit; returns its axes."""
     timed = result.kind != "sweep"
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
@@ -124,7 +126,7 @@ def _draw_diagrams(
 
 
 def _sweep_grid(result: LabelledSignals) -> _Grid | None:
-    """Both values of a grid, ascending, and the case at [second, first]; None if the sweep has no grid."""
+    """Axes of the grid of a sweep, and the number of the case at [second, first]; None if it is no sweep on a grid."""
     if result.kind != "sweep" or len(result.names) < 3:
         return None
     (x, columns), (y, rows) = (np.unique(values, return_inverse=True) for values in result.values[:2])
@@ -136,7 +138,7 @@ def _sweep_grid(result: LabelledSignals) -> _Grid | None:
 
 
 def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
-    """Draw a map of each signal over the first two values of a sweep; failed cases stay blank."""
+    """Draw a map of each signal over the grid of a sweep, blank in failed cases; returns its axes."""
     for name in names:
         result.numbers(name)  # raises if it is unknown
     asked = [n for name in names for n in result.names if name in {n, array_and_index(n)[0]}] or result.names[
@@ -154,12 +156,12 @@ def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subpl
     return diagrams
 
 
-def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, alone: bool) -> Sequence[Axes]:
-    """Make a figure with one diagram a group; or return the axes for the only group."""
+def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, in_pyplot: bool) -> Sequence[Axes]:
+    """Axes for each group of signals: of a new figure, or those that are given for a single group."""
     if axes is None:
         count = max(1, len(groups))
         rows = math.ceil(count / columns)
-        figure = new_figure(alone=alone)
+        figure = new_figure(in_pyplot=in_pyplot)
         figure.set_size_inches(10.0, 1.0 + max(3.0, (1.6 if columns == 1 else 3.0) * rows))
         diagrams = figure.subplots(rows, columns, sharex=columns == 1, squeeze=False).ravel().tolist()
         if columns == 1:
@@ -182,7 +184,7 @@ def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure.
+    """Write a figure to a file, whose kind is that of its suffix.
 
     :raises SimulationError: if it cannot be written.
     """
@@ -193,12 +195,12 @@ def save_figure(figure: Figure, path: Path) -> None:
         raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
 
 
-def new_figure(*, alone: bool) -> Figure:
-    """Make an empty figure, which pyplot knows and shows unless it is alone.
+def new_figure(*, in_pyplot: bool) -> Figure:
+    """Make an empty figure, which pyplot manages and shows if ``in_pyplot``.
 
-    In a notebook pyplot does not know it: it would be shown there, and again as what the cell returns.
+    In a notebook pyplot does not manage it: it would be shown there, and again as what the cell returns.
     """
-    if alone:
+    if not in_pyplot:
         from matplotlib.figure import Figure
 
         return Figure(layout="constrained")
@@ -212,7 +214,7 @@ def new_figure(*, alone: bool) -> Figure:
 
 
 def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Mapping[str, Any]) -> None:
-    """Draw the curve of a signal, or those of the elements of an array, the first ones pale."""
+    """Draw the curve of a signal, or a curve of each element of an array, the first ones pale."""
     columns = values.reshape(len(values), -1).T
     along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
     for abscissa, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
@@ -222,10 +224,10 @@ def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Map
         diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
 
 
-def _distinguishable(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
-    """Names of the signals of one unit that can be told apart in one diagram; none if all are constant."""
-    sizes = {name: _largest(values) for name, values in signals.items()}
-    motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
+def _distinguishable_names(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
+    """Names of the signals whose curves differ visibly in one diagram; none if all are constant."""
+    sizes = {name: _magnitude(values) for name, values in signals.items()}
+    motions = {name: _magnitude(values - values[:1]) for name, values in signals.items()}
     zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)
     moving = [name for name in signals if motions[name] > zero]
     changing = [name for name in moving if motions[name] > _CHANGING * sizes[name]] or moving
@@ -239,14 +241,16 @@ def _distinguishable(signals: Curves, unit: str, ranks: Mapping[str, int]) -> li
     for name, values in signals.items():
         margin = (_CHANGING_MARGIN if name in changing else _STILL_MARGIN) * (high - low)
         near = low - margin <= ends[name][0] and ends[name][1] <= high + margin
-        new = all(_largest(values - signals[other]) > pixel for other in chosen if values.shape == signals[other].shape)
+        new = all(
+            _magnitude(values - signals[other]) > pixel for other in chosen if values.shape == signals[other].shape
+        )
         if sizes[name] > max(pixel, zero) and near and new:
             chosen.append(name)
     return chosen[:CURVES]
 
 
-def _largest(values: Floats) -> float:
-    """The largest absolute value."""
+def _magnitude(values: Floats) -> float:
+    """Largest absolute value that is finite."""
     return max(map(abs, _extrema(values)))
 
 
@@ -257,11 +261,11 @@ def _extrema(values: Floats) -> tuple[float, float]:
 
 
 def _default_rank(name: str, unit: str, names: Container[str]) -> int:
-    """Rank of a signal among those that are drawn by default, 0 first, from its name."""
+    """Rank of a signal in the order of drawing by default, 0 first, by its name."""
     owner, dot, last = array_and_index(name)[0].rpartition(".")
 
     def has(name: str) -> bool:
-        """Whether the same component has a variable of this name."""
+        """Whether the component of the signal has a variable of this name."""
         return f"{owner}{dot}{name}" in names
 
     ending = port_names("")

@@ -27,7 +27,7 @@ _ROUNDING = 1e-9
 
 
 def result_html(signals: LabelledSignals) -> str:
-    """HTML of the motion, if there is one, and of a table of the signals with small diagrams."""
+    """HTML by which a notebook shows signals: their motion, if there is one, and a table with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion_frame(signals)
     remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
@@ -37,7 +37,7 @@ def result_html(signals: LabelledSignals) -> str:
 
 
 def _motion_frame(signals: LabelledSignals) -> tuple[str, list[str]]:
-    """HTML frame of the motion, and the reasons why it cannot be shown."""
+    """HTML frame of the motion, empty if there is none; and reasons why it cannot be shown."""
     if signals.scene is None:
         return "", []
     numbers = dict(zip(signals.names, signals.values, strict=True))
@@ -52,7 +52,7 @@ def _motion_frame(signals: LabelledSignals) -> tuple[str, list[str]]:
 
 
 def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str], remarks: Sequence[str]) -> str:
-    """HTML table with a diagram beside each row, and remarks below; its columns are named by the first row."""
+    """HTML table of rows by name of the column, with a diagram beside each of them, and remarks below."""
     columns = [f"<th>{escape(name)}</th>" for name in (rows[0] if rows else ())]
     lines = [[f"<td>{escape(cell)}</td>" for cell in row.values()] for row in rows]
     for line, curve in zip(lines, curves, strict=False):
@@ -64,7 +64,7 @@ def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str],
 
 
 def sandboxed_frame(page: bytes, height: int) -> str:
-    """HTML frame of a page in a sandbox: its script cannot read the notebook.
+    """HTML frame of a page whose script cannot read the notebook.
 
     :param height: of the frame [px].
     """
@@ -75,7 +75,7 @@ def sandboxed_frame(page: bytes, height: int) -> str:
 
 
 def _small_diagram(values: Floats) -> str:
-    """SVG diagram of values (points, ...): the band between the smallest and largest finite ones."""
+    """SVG diagram of values, shape (points, ...): the band between the smallest and the largest finite ones."""
     parts = enumerate(np.array_split(values, min(len(values), _WIDTH)))
     bands = [(x, finite.min(), finite.max()) for x, part in parts if (finite := part[np.isfinite(part)]).size]
     if not bands:

@@ -54,7 +54,7 @@ class Result(LabelledSignals):
     """
 
     def to_csv(self, path: Path | str) -> None:
-        """Write a file: names in its first line, units in the second after ``#``, then a line a point or case.
+        """Write a CSV file: names in its first line, units in the second after ``#``, then a line a point or case.
 
         Between them, ``# title: ...`` and a line ``# warning: ...`` each; error estimates are columns behind the
         signals.  Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
@@ -67,14 +67,14 @@ class Result(LabelledSignals):
 
     @classmethod
     def from_csv(cls, path: Path | str) -> Result:
-        """Read what :meth:`to_csv` has written, or another table of numbers with time first and names above.
+        """Read a CSV file that :meth:`to_csv` has written, or another table with names above, the time first.
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
         return cls(**tables.read_csv(as_path("from_csv", path)))
 
     def to_parquet(self, path: Path | str) -> None:
-        """Write a Parquet file: the columns that :meth:`to_csv` writes, units in their metadata, the rest in its own.
+        """Write a Parquet file with the columns of :meth:`to_csv`, and units, title and warnings as metadata.
 
         Needs PyArrow (``pip install 'liaisons[parquet]'``); pandas, polars and DuckDB read it.  The file appears when
         it is complete.
@@ -85,21 +85,21 @@ class Result(LabelledSignals):
 
     @classmethod
     def from_parquet(cls, path: Path | str) -> Result:
-        """Read what :meth:`to_parquet` has written, or other columns of numbers with time first.
+        """Read a Parquet file that :meth:`to_parquet` has written, or another one of numbers, the time first.
 
         :raises SimulationError: if it cannot be read, or PyArrow is missing.
         """
         return cls(**tables.read_parquet(as_path("from_parquet", path)))
 
     def to_pandas(self) -> Any:
-        """Make a ``pandas.DataFrame``: a column a signal, over time, cases or both; title and units in ``attrs``.
+        """Make a ``pandas.DataFrame`` with a column for each signal, over time, cases or both; units in ``attrs``.
 
         :raises SimulationError: if pandas is missing (``pip install 'liaisons[pandas]'``).
         """
         return tables.data_frame(self)
 
     def to_xarray(self) -> Any:
-        """Make an ``xarray.Dataset``: a variable a signal or array, over ``time``, ``case`` or both.
+        """Make an ``xarray.Dataset`` with a variable for each signal or array, over ``time``, ``case`` or both.
 
         The axes of arrays are called by place and length, ``i_10``, so that those of one length go together.  Units are
         attributes; what has failed is the coordinate ``failure`` of the cases.
@@ -142,7 +142,7 @@ class Result(LabelledSignals):
         against: Mapping[str, ArrayLike] | None = None,
         turns: float = 0.0,
     ) -> float:
-        """Write the motion as a film or a page.
+        """Write the motion to a file: a film, a page or a 3D file; returns its speed.
 
         :param path: ends in ``.gif``, ``.png`` (a strip of instants), ``.mp4`` (needs the extra ``film``), ``.glb``
             (glTF, for Blender, slides and model viewers), ``.html`` (one file, to be dragged and zoomed) or
@@ -162,13 +162,13 @@ class Result(LabelledSignals):
         return animate(as_path("path", path), self.scene, self.time, signals, **settings)
 
     def summary(self, most: int | None = None, *, few: int = 10) -> list[dict[str, str]]:
-        """Rows of a table: start, end and extrema of each signal without the failed cases; of a sweep, its cases.
+        """Rows of a table of the signals: start, end and extrema; of a sweep, its cases.
 
-        :param most: how many rows; None: all.
-        :param few: most elements of an array that has a row an element.
+        :param most: largest number of rows; None: all.
+        :param few: arrays of more elements have one row.
         """
         return tables.summary(self, most, few)
 
     def _repr_html_(self) -> str:
-        """HTML by which a notebook shows the result."""
+        """HTML by which notebooks show the result."""
         return notebook.result_html(self)

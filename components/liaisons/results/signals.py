@@ -54,17 +54,16 @@ class LabelledSignals:
 
     @property
     def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
-        """Whether it is a simulation over time, a sweep over cases, or an ensemble over both."""
+        """``"simulation"`` over time, ``"sweep"`` over cases, or ``"ensemble"`` over both."""
         if not self.time.size:
             return "sweep"
         return "simulation" if self.values.ndim == 2 else "ensemble"
 
     @property
     def index(self) -> dict[str, NDArray[Any]]:
-        """Axes of each signal: ``"time"`` [s], ``"case"``, counted from 0, or both."""
-        axes = {"time": self.time, "case": np.arange(self.values.shape[-1])}
-        chosen = {"simulation": ["time"], "sweep": ["case"], "ensemble": ["time", "case"]}[self.kind]
-        return {axis: axes[axis] for axis in chosen}
+        """Values along the axes of each signal, by name: ``"time"`` [s], ``"case"`` from 0, or both."""
+        times = {"time": self.time} if self.time.size else {}
+        return times if self.kind == "simulation" else {**times, "case": np.arange(self.values.shape[-1])}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A signal or an array of them by its name: numbers, or strings.
@@ -76,18 +75,18 @@ class LabelledSignals:
         return numbers if texts is None else np.array(texts, dtype=object)[numbers.astype(int)]
 
     def get(self, name: str, default: Any = None) -> Any:
-        """A signal or an array of them, or the default if there is none of this name."""
+        """The signal or array of a name, or the default if there is none."""
         return self[name] if name in self else default  # noqa: SIM401 - it would call itself
 
     def numbers(self, name: str) -> Floats:
-        """A signal or an array of them as numbers; a string as its index in ``texts``.
+        """The signal or array of a name as numbers; of strings, their indices in ``texts``.
 
         :raises UnknownSignalError: if there is none of this name.
         """
-        return self._select(self.values, name)
+        return self._rows(self.values, name)
 
     def error(self, name: str) -> Floats:
-        """Estimated error of a signal: the largest of each case of an ensemble, or at each time if verified.
+        """Estimated error of a signal: largest one of each case of an ensemble, or at each time of a simulation.
 
         :raises SimulationError: for an unknown name, or if there is no estimate.
         """
@@ -95,17 +94,17 @@ class LabelledSignals:
             simulated = self.kind == "simulation"
             cure = "simulate(verify=True) compares with half the step" if simulated else "leave estimate=False out"
             raise SimulationError(f"the result of {self.title} has no error estimate; {cure}")
-        return self._select(self.errors, name)
+        return self._rows(self.errors, name)
 
     @property
     def unconverged(self) -> tuple[int, ...]:
-        """Numbers of the cases, from 0, whose errors do not shrink with the steps; none without error estimates."""
+        """Numbers of the cases, from 0, whose errors do not shrink with the step size; empty without estimates."""
         if self.errors is None or self.kind != "ensemble":
             return ()
         return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
 
-    def _select(self, table: Floats, name: str) -> Floats:
-        """Rows of a table by the name of a signal or array; the axes of an array become the last ones."""
+    def _rows(self, table: Floats, name: str) -> Floats:
+        """Row of a signal in a table, or rows of an array, whose axes become the last ones."""
         if not isinstance(name, str):
             raise UnknownSignalError(
                 f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
@@ -126,29 +125,29 @@ class LabelledSignals:
 
     @property
     def entries(self) -> tuple[str, ...]:
-        """Names of the signals; an array has its own name, and not those of its elements."""
+        """Names of the signals and of the arrays, instead of those of their elements."""
         return self.grouped(0)
 
     def grouped(self, size: int) -> tuple[str, ...]:
-        """Names of the signals; an array of more elements than this size has its own name only."""
+        """Names of the signals and of arrays of more than ``size`` elements, instead of those of their elements."""
         elements = {row: name for name, (rows, _) in self._arrays.items() if len(rows) > size for row in rows}
         return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
 
     def element(self, name: str) -> str:
-        """Name of the first element of an array; any other name as it is."""
+        """Name of the first element of an array; the name itself for a signal."""
         return self.names[self._arrays[name][0][0]] if name in self._arrays else name
 
     def sized(self, name: str) -> str:
-        """Name with the shape of its array: ``"theta (10)"``."""
+        """Name of a signal or array with its shape: ``"theta (10)"``."""
         return f"{name} ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else name
 
     def label(self, name: str) -> str:
-        """Name with its shape and unit: ``"theta (10) [rad]"``."""
+        """Name of a signal or array with shape and unit: ``"theta (10) [rad]"``."""
         return f"{self.sized(name)} [{self.units[name]}]" if self.units[name] else self.sized(name)
 
     @property
     def headline(self) -> str:
-        """Title and size, in one line."""
+        """Title, times, and numbers of cases and signals, on one line."""
         timed = self.kind != "sweep"
         parts = [f"{len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s"] if timed else []
         if self.kind != "simulation":
@@ -177,12 +176,12 @@ class LabelledSignals:
 
     @cached_property
     def _row_by_name(self) -> dict[str, int]:
-        """Row of each name."""
+        """Index of the row of each signal, by name."""
         return {name: row for row, name in enumerate(self.names)}
 
     @cached_property
     def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
-        """Rows and shape of each array whose elements are all recorded, by its name."""
+        """Indices of rows, and shape, of each array whose elements are all recorded, by name."""
         elements: dict[str, list[tuple[int, Shape]]] = {}
         for name, row in self._row_by_name.items():
             base, index = array_and_index(name)

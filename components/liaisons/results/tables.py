@@ -38,14 +38,14 @@ def write_csv(signals: LabelledSignals, path: Path) -> None:
 
 
 def read_csv(path: Path) -> dict[str, Any]:
-    """Read a CSV file: fields of :class:`LabelledSignals`.
+    """Read a CSV file; returns the fields of :class:`LabelledSignals`.
 
     :raises SimulationError: if it cannot be read, or is not such a file.
     """
     notes: list[tuple[str, str]] = []
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            names, *rows = csv.reader(_take_notes(file, notes))
+            names, *rows = csv.reader(_split_notes(file, notes))
         units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
         units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
         columns = zip(names, units, *rows, strict=True)
@@ -73,7 +73,7 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
 
 
 def read_parquet(path: Path) -> dict[str, Any]:
-    """Read a Parquet file: fields of :class:`LabelledSignals`.
+    """Read a Parquet file; returns the fields of :class:`LabelledSignals`.
 
     :raises SimulationError: if it cannot be read, or PyArrow is missing.
     """
@@ -127,10 +127,10 @@ def dataset(signals: LabelledSignals) -> Any:
 
 
 def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[str, str]]:
-    """Rows of a table: start, end and extrema of each signal; of a sweep, its cases.
+    """Rows of a table of the signals: start, end and extrema; of a sweep, its cases.
 
-    :param most: number of rows; None: all.
-    :param few: most elements of an array that has a row an element.
+    :param most: largest number of rows; None: all.
+    :param few: arrays of more elements have one row.
     """
     if signals.kind != "sweep":
         return [_extent_row(signals, name) for name in signals.grouped(few)[:most]]
@@ -140,12 +140,12 @@ def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[s
 
 
 def _extent_row(signals: LabelledSignals, name: str) -> dict[str, str]:
-    """Row of a table: start, end and extrema of a signal."""
+    """Row of a signal or array, by column: name, unit, start, end and extrema without failed cases."""
     values = signals[name]
     numeric = values.dtype != object
 
     def texts(numbers: Iterable[Any]) -> list[str]:
-        """Numbers or strings as texts."""
+        """Texts of numbers with six digits; strings as they are."""
         return [f"{number:.6g}" if numeric else number for number in numbers]
 
     start, end = texts(values[[0, -1]]) if values.ndim == 1 else ("", "")
@@ -160,7 +160,7 @@ def _extent_row(signals: LabelledSignals, name: str) -> dict[str, str]:
 
 
 def _file_columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
-    """Yield name, unit and content of the columns of a file, a row for each point, case, or case at a point."""
+    """Yield name, unit and content of each column of a file, whose rows are points, cases, or cases at points."""
     index = signals.index
     axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
     if signals.kind != "sweep":  # whose cases are numbered by their rows
@@ -177,14 +177,14 @@ def _file_columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[
 
 
 def _metadata(signals: LabelledSignals) -> list[tuple[str, str]]:
-    """Metadata of a file: pairs of a key of :data:`_NOTES` and a text."""
+    """Metadata of a file: keys of :data:`_NOTES` with their texts."""
     estimates = ", ".join(name for name in _ESTIMATES if getattr(signals, name) is not None)
     notes = [("title", signals.title), *(("warning", text) for text in signals.warnings), ("estimates", estimates)]
     return notes if estimates else notes[:-1]
 
 
 def _failure_reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
-    """Reasons of the failures of cases; empty where a case has not failed."""
+    """Why each case has failed; empty text if it has not."""
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
 
@@ -236,7 +236,7 @@ def _signal_fields(
 
 
 def _column_ends(estimates: str, first: int, end: int) -> tuple[int, int]:
-    """End of a file's columns of signals and end of those of their errors, by the kind of its estimates.
+    """Ends of the columns of signals and of their errors in a file with these estimates.
 
     :param first: column of the first signal.
     :param end: column after the last number.
@@ -251,12 +251,12 @@ def _column_ends(estimates: str, first: int, end: int) -> tuple[int, int]:
 
 
 def _escaped(text: str) -> str:
-    """Text on one line, without the quotes by which other readers of CSV begin a cell."""
+    """Text on one line without quotes, by which other readers of CSV begin a cell."""
     return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
 
 
-def _take_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
-    """Yield the lines of a CSV file except its metadata, which are appended to ``notes``."""
+def _split_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
+    """Yield the lines of a CSV file without those of metadata, which are appended to ``notes``."""
     for line in lines:
         key, colon, text = line.rstrip("\r\n").partition(": ")
         if not (colon and key.startswith("# ") and key[2:] in _NOTES):
@@ -278,7 +278,7 @@ def _is_number(content: Any) -> bool:
 
 
 def _import_optional(purpose: str, package: str, extra: str, module: str = "") -> Any:
-    """Import an optional package, or a module of it."""
+    """Import an optional package, or a module of it; raises a SimulationError that names its extra."""
     try:
         return import_module(f"{package.lower()}{module}")
     except ImportError:

@@ -53,7 +53,7 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> dict[s
     """
     check_integer("sample: count", count, SweepError)
     _refuse_too_many("sample", int(count))
-    check_integer("sample: seed", seed, SweepError, least=0)
+    check_integer("sample: seed", seed, SweepError, minimum=0)
     if not name_dictionary("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     probabilities = np.random.default_rng(int(seed)).random((int(count), len(over)))

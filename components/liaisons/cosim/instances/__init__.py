@@ -25,7 +25,7 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     folders: dict[Path, Path] = {}
     for path in dict.fromkeys(fmu.path for fmu in fmus if fmu.function is None):
         with Archive(path) as archive:
-            folders[path] = archive.extract(folder / str(len(folders)), without=("sources/", "documentation/"))
+            folders[path] = archive.extract(folder / str(len(folders)), ("sources/", "documentation/"))
     return folders
 
 

@@ -87,7 +87,8 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
             )
         if compiled.steps() is None:
             raise SimulationError(
-                f"coupling = {asked!r} is made by compiled code, and {no_compiler_message()}; or choose coupling='gauss-seidel'"
+                f"coupling = {asked!r} is made by compiled code, and {no_compiler_message()}; or choose "
+                "coupling='gauss-seidel'"
             )
         return asked
     two_ways = [connection for connection in connections if connection.back]

@@ -23,8 +23,8 @@ _MOST_SHAPES = 60  # of a longer chain the page would be all picture
 _COLOURS = ("#c8532b", "#2f6fa8", "#3f8f6b", "#8a5aa8")
 
 
-def picture_svg(model: Model, results: Trajectory | None) -> list[str]:
-    """Return SVG of the mechanism at the start of its default experiment, with its trail; nothing without a picture.
+def picture_faces(model: Model, results: Trajectory | None) -> list[Face]:
+    """Return the mechanism at the start of its default experiment, with its trail; nothing without a picture.
 
     :param results: of the default experiment, if there are any.
     """
@@ -37,11 +37,11 @@ def picture_svg(model: Model, results: Trajectory | None) -> list[str]:
     if not any(shape["shape"] == "trail" for shape in declared.shapes):
         time, backwards = time[:1], {name: column[-1:] for name, column in backwards.items()}
     seen = picture_frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
-    return _svg_polygons(Stage(seen).faces(len(seen.time) - 1), model.name)
+    return Stage(seen).faces(len(seen.time) - 1)
 
 
 def _picture_values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
-    """Return the values of all variables that a picture may use, (n,) at the times of the results, else (1,)."""
+    """Return values of all variables by name, shape (n,) at the times of the results, (1,) at the start without."""
     m = model if results is None else results.model
     u, k = start_vectors(m)
     if results is None:
@@ -66,13 +66,15 @@ def _element_names(variables: Iterable[Variable]) -> list[str]:
     return [element.name for variable in variables for element in variable.elements()]
 
 
-def _svg_polygons(faces: list[Face], name: str) -> list[str]:
-    """Return SVG of polygons."""
+def picture_svg(faces: list[Face], name: str) -> list[str]:
+    """Return lines of SVG with faces, scaled to the width of the page; none without faces."""
+    if not faces:
+        return []
     corners = np.concatenate([face.corners for face in faces])
     low, high = corners.min(axis=0), corners.max(axis=0)
     scale = float(np.min(np.array([_WIDTH, _TALLEST]) / np.maximum(high - low, 1e-9)))
     width, height = scale * (high - low)
-    lines = [_svg_start((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
+    lines = [_svg_start_tag((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
     for face in faces:
         corners = scale * (face.corners - (low[0], high[1])) * (1, -1)
         colour = "".join(f"{round(255 * part):02x}" for part in face.colour[:3])
@@ -82,14 +84,14 @@ def _svg_polygons(faces: list[Face], name: str) -> list[str]:
 
 
 def plot_svg(results: Trajectory | None) -> list[str]:
-    """Return SVG curves of free coordinates of one unit, or of signals; nothing without results."""
+    """Return lines of SVG: curves of free coordinates or signals of one unit over time; none without results."""
     if results is None or not (variables := _plotted_variables(results.model)):
         return []
     names = _element_names(variables)[: len(_COLOURS)]
     curves = np.concatenate([results[variable.name] for variable in variables], axis=1).T[: len(_COLOURS)]
     low, high = float(curves.min()), float(curves.max())
     scale, x = _HEIGHT / (high - low or 1.0), _WIDTH * results.times / results.times[-1]
-    lines = [_svg_start(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
+    lines = [_svg_start_tag(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
     lines.append(f'<rect width="{_WIDTH:.0f}" height="{_HEIGHT:.0f}" class="frame"/>')
     if low < 0 < high:
         lines.append(f'<path d="M0 {scale * high:.1f}H{_WIDTH:.0f}" class="frame"/>')
@@ -111,12 +113,12 @@ def _plotted_variables(model: Model) -> list[Variable]:
     return [variable for variable in chosen if variable.unit == chosen[0].unit]
 
 
-def _svg_start(x: float, y: float, width: float, height: float, label: str) -> str:
-    """Return the start tag of a figure."""
+def _svg_start_tag(x: float, y: float, width: float, height: float, label: str) -> str:
+    """Return the start tag of an SVG figure."""
     box = f"{x:.0f} {y:.0f} {width:.0f} {height:.0f}"
     return f'<svg class="figure" viewBox="{box}" role="img" aria-label="{escape(label)}">'
 
 
 def _point_list(points: NDArray) -> str:
-    """Return coordinates as SVG writes them."""
+    """Return points, shape (n, 2), as the text of an SVG attribute."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in (np.round(points, 1) + 0.0).tolist())

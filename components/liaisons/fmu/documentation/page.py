@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import replace
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
@@ -21,7 +20,6 @@ from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
-from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
 
 _JOINT = "where the link before ends, or its rate"
@@ -98,7 +96,7 @@ def index_page(model: Model) -> bytes:
 
 def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
     """Return the figure of the mechanism with its caption."""
-    shown = figures.picture_svg(model, results)
+    shown = figures.picture_svg(figures.picture_faces(model, results), model.name)
     command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
     return shown and [
         *shown,
@@ -128,13 +126,13 @@ def _docstring_markup(docstring: str) -> list[str]:
 
 
 def _inline_markup(text: str) -> str:
-    """Return text with code marks as markup; references to other objects become their names."""
+    """Return text as markup: code in elements, references of Sphinx as code."""
     named = re.sub(r":\w+:`[~]?([^`]+)`", r"``\1``", text.strip())
     return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(named))
 
 
 def _heading_anchor(title: str) -> str:
-    """Return the anchor of a heading: small letters with hyphens."""
+    """Return the anchor of a heading: small letters, hyphens for blanks."""
     return title.lower().replace(" ", "-")
 
 
@@ -160,7 +158,7 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", (*model.outputs, *_merged_picture_variables(model.drawn))),
+        ("Outputs and local variables", model.outputs),
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_html_table(head, (_variable_cells(v, printer) for v in variables))]
@@ -175,14 +173,8 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
     return lines
 
 
-def _merged_picture_variables(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
-    """Return the drawn variables as one array variable; an empty tuple if the picture has none."""
-    named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
-    return tuple(named)
-
-
 def _symbol_meaning(name: str, variables: Collection[str]) -> str:
-    """Return the meaning of a symbol that is no variable."""
+    """Return the meaning of a symbol of the equations that is no variable."""
     if name == "t":
         return "time [s]"
     return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
@@ -226,7 +218,7 @@ def _port_tables(ports: tuple[Terminal, ...], variables: dict[str, Variable]) ->
 
 
 def _reconstruction_section(model: Model) -> list[str]:
-    """Return what inputs do inside a communication step."""
+    """Return the section on the motion of inputs inside a communication step."""
     rows = ((f"<code>{value}</code>", name, escape(text)) for value, name, text in _RECONSTRUCTION)
     text = "Between two communication points a prescribed coordinate has to move; this fixed parameter says how:"
     lines = [f"<p>{text}</p>", *_html_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
@@ -234,14 +226,14 @@ def _reconstruction_section(model: Model) -> list[str]:
 
 
 def _jump_sentences(model: Model) -> str:
-    """Return sentences about the effects of jumps of prescribed coordinates."""
+    """Return sentences that say what a jump of each prescribed coordinate does."""
     effects, inputs = jump_effects(model), index_ranges(model.inputs)
     values = [a.value for a in model.active for _ in inputs[a.value]]
 
-    def names(chosen: Iterable[bool]) -> str:
+    def chosen_names(chosen: Iterable[bool]) -> str:
         return ", ".join(f"<code>{escape(n)}</code>" for n in dict.fromkeys(compress(values, chosen)))
 
-    with_limit, without = names(effects.have_limit), names(~effects.have_limit)
+    with_limit, without = chosen_names(effects.have_limit), chosen_names(~effects.have_limit)
     text = []
     if with_limit:
         alone = " alone" if np.count_nonzero(effects.mixes) > np.trace(effects.mixes) else ""
@@ -255,7 +247,7 @@ def _jump_sentences(model: Model) -> str:
 
 
 def _closed_form_section(model: Model) -> list[str]:
-    """Return the docstring of the closed form."""
+    """Return the section with the docstring of the closed form; empty if there is none."""
     if not model.closed_form:
         return []
     return [
@@ -265,7 +257,7 @@ def _closed_form_section(model: Model) -> list[str]:
 
 
 def _experiment_section(model: Model) -> list[str]:
-    """Return a table of the default experiment, and where its results are."""
+    """Return the section with the settings of the default experiment, and the place of its results."""
     e = model.experiment
     rows = (
         ("stop time", f"{e.stop_time:g} s"),
@@ -278,7 +270,7 @@ def _experiment_section(model: Model) -> list[str]:
 
 
 def _cited_sources(sections: dict[str, list[str]]) -> list[str]:
-    """Return the bibliography of the marks in the other sections."""
+    """Return the section with the sources that the other sections cite."""
     entries = cited_entries("\n".join(line for lines in sections.values() for line in lines))
     titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}
     return [f"<p><b>{mark}</b> {text}</p>" for mark, text in titled.items()]

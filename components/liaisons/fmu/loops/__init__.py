@@ -23,11 +23,11 @@ __all__ = ["PREAMBLE", "Code", "loop_functions", "loops_code"]
 
 
 def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: bool) -> dict[str, Code]:
-    """Return the C of a chain's functions and of their derivatives, by their names in core.h.
+    """Return the C code of a chain's functions and of their derivatives, by member of ``Model`` in core.h.
 
     :param programs: as in :class:`liaisons.mechanics.model.Model`.
-    :param coupled: how many numbers of y act on the motion.
-    :param adjoint: whether adjoint derivatives can be asked for.
+    :param coupled: number of coupled states, on which the rates depend.
+    :param adjoint: with adjoint derivatives.
     """
     by_name = {program.name: program for program in programs}
     by_name["calculate"] = replace(by_name.pop("outputs"), name="calculate")

@@ -32,7 +32,7 @@ class LoopFusion:
         self.neighbours: dict[int, tuple[Carry, int]] = {}  # calculated from the neighbours instead of carried
         self.ends: dict[int, tuple[Carry, int]] = {}  # their values behind the last link
         self._first: dict[int, int] = {}  # the first loop in which a symbol can be used
-        local = depends_on_neighbours(program)
+        local = is_cheap_by_neighbours(program)
         for step in program.steps:
             inlined = step.rewritten(self.inlined)
             match inlined:
@@ -40,7 +40,7 @@ class LoopFusion:
                     self.definitions.append((inlined.symbols, inlined.read))
                 case Sum():
                     for symbol, term in zip(scalars(inlined.symbols), scalars(inlined.read), strict=True):
-                        loop = self.loop_of(term)
+                        loop = self.assign_loop(term)
                         loop.sums.append((symbol, term))
                         self._first[key(symbol)] = self.loops.index(loop) + 1
                 case Carry() if local:
@@ -50,21 +50,21 @@ class LoopFusion:
                     self._add_carry(inlined)
 
     def inlined(self, expression: ca.SX) -> ca.SX:
-        """Return the expression with definitions replaced by what they stand for."""
+        """Return an expression in which definitions are replaced by their expressions."""
         return substituted(expression, self.definitions)
 
-    def loop_of(self, expression: ca.SX) -> FusedLoop:
-        """Return the first loop that can calculate an expression that is not carried; add one if there is none."""
+    def assign_loop(self, expression: ca.SX) -> FusedLoop:
+        """Return the first loop in which an expression can be calculated, or add and return a new one."""
         needed = keys(expression)
-        for loop in self.loops[self._earliest_loop(expression) :]:
+        for loop in self.loops[self._earliest_index(expression) :]:
             if loop.inward is None or any(needed & keys(carry.symbols) for carry in loop.carries):
                 return loop
         self.loops.append(FusedLoop(None))
         return self.loops[-1]
 
     def _add_carry(self, carry: Carry) -> None:
-        """Add a scan to the first loop in its direction in which all that it reads is available."""
-        index = self._earliest_loop(carry.read)
+        """Add a carried value to the first loop of its direction in which the symbols that it reads are available."""
+        index = self._earliest_index(carry.read)
         while index < len(self.loops) and self.loops[index].inward is not carry.inward:
             index += 1
         if index == len(self.loops):
@@ -73,13 +73,13 @@ class LoopFusion:
         self._first |= dict.fromkeys(keys(carry.symbols), index)
         self._first |= dict.fromkeys(keys(carry.last), index + 1)
 
-    def _earliest_loop(self, expression: ca.SX) -> int:
-        """Return the index of the first loop in which an expression can be used."""
+    def _earliest_index(self, expression: ca.SX) -> int:
+        """Return the index of the first loop in which all symbols of an expression are available."""
         return max((self._first.get(symbol, 0) for symbol in keys(expression)), default=0)
 
 
-def depends_on_neighbours(program: RowProgram) -> bool:
-    """Return whether all carried values follow from neighbours and arguments by sums and products."""
+def is_cheap_by_neighbours(program: RowProgram) -> bool:
+    """Return whether each carried value is a cheap expression of arguments and of values at the neighbouring link."""
     available = {symbol for vector in program.arguments for symbol in keys(vector.entries)}
     definitions: list[tuple[ca.SX, ca.SX]] = []
     for step in program.steps:
@@ -95,6 +95,6 @@ def depends_on_neighbours(program: RowProgram) -> bool:
 
 
 def _is_cheap(expressions: ca.SX) -> bool:
-    """Return whether expressions have sums and products only."""
+    """Return whether expressions consist of sums, products and quotients."""
     function = ca.Function("expressions", ca.symvar(expressions), [expressions])
     return operation_codes(function) <= _CHEAP

@@ -45,7 +45,7 @@ class LoopPlan:
 
     @property
     def targets(self) -> list[int]:
-        """Numbers that the loop calculates."""
+        """Numbers of the nodes that the loop calculates at each link."""
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
     def renumbered(self, new: Sequence[int]) -> LoopPlan:
@@ -102,12 +102,12 @@ class LoopPlans:
             self._assign_work_space({node_of[number] for number in named_numbers})
 
     def leaf(self, number: int) -> Leaf | None:
-        """Return the leaf of a node; None for an operation or a constant."""
+        """Return the leaf that a node reads; None for an operation or a constant."""
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
     def needed_nodes(self, targets: Iterable[int], stored: Container[int]) -> tuple[set[int], set[int]]:
-        """Return the nodes that a link calculates for its targets, and the stored ones that it reads."""
+        """Return the nodes that each link calculates for its targets, and the stored nodes that it reads."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
@@ -121,13 +121,13 @@ class LoopPlans:
         return needed, read
 
     def stored_arrays(self, index: int) -> list[tuple[str, int]]:
-        """Return the arrays in work space that a loop writes, with their elements."""
+        """Return names of the arrays in work space that a loop writes, with the numbers of the nodes in them."""
         return [(array, number) for number, (array, since) in self.kept.items() if since == index]
 
     # ---- numbering ------------------------------------------------------------------------------------------------
 
     def _add_argument(self, index: int, vector: Vector) -> None:
-        """Register the leaves of an argument."""
+        """Register the entries of an argument as arrays, or as leaves."""
         for i, (symbol, offset) in enumerate(zip(scalars(vector.entries), vector.offsets(self._n), strict=False)):
             if vector.each[i]:
                 self._arrays[key(symbol)] = name = f"x{index}_{i}"
@@ -136,18 +136,18 @@ class LoopPlans:
                 self._origins[key(symbol)] = symbol, Leaf(f"argument[{index}][{offset}]", each=False)
 
     def _add_result(self, index: int, vector: Vector) -> Iterator[tuple[str, ca.SX]]:
-        """Add the rows of a result to the loops, and yield its single numbers with their text."""
+        """Add the arrays of a result to the loops; yield C text and expression of each of its other entries."""
         entries = scalars(self._fusion.inlined(vector.entries))
         for i, (entry, offset) in enumerate(zip(entries, vector.offsets(self._n), strict=False)):
             if vector.each[i]:
                 name = f"z{index}_{i}"
                 self.pointers[name] = f"double *restrict {name} = result[{index}] + {offset};"
-                self._fusion.loop_of(entry).rows.append((name, entry))
+                self._fusion.assign_loop(entry).rows.append((name, entry))
             else:
                 yield f"result[{index}][{offset}]", entry
 
     def _loop_plan(self, index: int, loop: FusedLoop) -> LoopPlan:
-        """Return the plan of a loop, with numbers of expressions."""
+        """Return the plan of a loop, whose numbers are those of expressions."""
         symbols, last, starts, following = (
             [x for carry in loop.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
@@ -174,12 +174,12 @@ class LoopPlans:
         return LoopPlan(loop.inward, range(reach, self._n - reach), rows, edges, sums, carried)
 
     def _add_expression(self, expression: ca.SX, link: AtLink) -> int:
-        """Append an expression at a link; return its number."""
+        """Append an expression for a link; returns its number."""
         self._expressions.append(self._expression_at(expression, link))
         return len(self._expressions) - 1
 
     def _expression_at(self, expression: ca.SX, link: AtLink) -> ca.SX:
-        """Return an expression of one link with the arrays and neighbours of a certain link in it."""
+        """Return an expression with symbols of arrays and neighbours replaced by those of a link."""
         pairs = []
         for symbol in ca.symvar(expression):
             name = key(symbol)
@@ -195,7 +195,7 @@ class LoopPlans:
         return substituted(expression, pairs)
 
     def _carried_value(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
-        """Return a carried value at a link: from the link before it, or the start."""
+        """Return the expression of a carried value at a link: of the link before, or of the start."""
         moving, offset = link
         before = offset + 1 if carry.inward else offset - 1
         if moving:
@@ -205,7 +205,7 @@ class LoopPlans:
         return self._expression_at(carry.following[i], (moving, before))
 
     def _array_element(self, array: str, link: AtLink) -> ca.SX:
-        """Return the symbol of the element of an array at a link."""
+        """Return the symbol of the element of an array at a link, and register it as a leaf."""
         moving, offset = link
         if moving:
             self._reach = max(self._reach, abs(offset))
@@ -238,5 +238,5 @@ class LoopPlans:
 
 
 def operands(node: Instruction) -> tuple[int, ...]:
-    """Return the numbers of an operation's operands."""
+    """Return the numbers of the nodes that are operands of an operation; none of a leaf."""
     return node.arguments if node.operation is not None else ()

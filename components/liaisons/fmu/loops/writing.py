@@ -42,12 +42,12 @@ class Code:
 
 
 def loops_code(program: RowProgram) -> Code:
-    """Return the C function of a program; its text needs :data:`PREAMBLE`."""
+    """Return the C function of a program; :data:`PREAMBLE` has to stand before it."""
     writer = _Writer(LoopPlans(program))
     lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop_statements(index)]
     for target, number in writer.plans.ends:
-        value = _without_brackets(writer.single_operand(number))
-        lines += [*writer.take_pending(), f"{target} = {value};"]
+        value = _without_brackets(writer.scalar_operand(number))
+        lines += [*writer.pop_pending(), f"{target} = {value};"]
     body = "".join(f"    {line}\n" for line in lines)
     pointers = "".join(f"    {line}\n" for name, line in writer.plans.pointers.items() if f"{name}[" in body)
     head = "const double **argument, double **result, long long *integers, double *work, int memory"
@@ -72,13 +72,13 @@ class _Writer:
         alone = [node for node, each in zip(plans.nodes, plans.each, strict=True) if not each]
         self._use_counts = _use_counts(alone, ends, in_loops)
 
-    def take_pending(self) -> list[str]:
-        """Remove the statements that have to come next, and return them."""
+    def pop_pending(self) -> list[str]:
+        """Remove and return the statements that define operands used next."""
         statements, self._pending = self._pending, []
         return statements
 
-    def single_operand(self, number: int) -> str:
-        """Return the operand for a single number; add the statements that define it to the pending ones."""
+    def scalar_operand(self, number: int) -> str:
+        """Return the C text of a node outside of loops; adds statements that define it to the pending ones."""
         nodes, ahead, needed = self.plans.nodes, [number], set()
         while ahead:
             i = ahead.pop()
@@ -95,19 +95,19 @@ class _Writer:
         return self._texts[number]
 
     def loop_statements(self, index: int) -> list[str]:
-        """Return the statements of a loop, and those that have to stand before it."""
+        """Return the statements of a loop and those before it: operands, edges and starts."""
         plan = self.plans.plans[index]
-        lines = [f"{target} = {_without_brackets(self.single_operand(x))};" for target, x in plan.edges]
+        lines = [f"{target} = {_without_brackets(self.scalar_operand(x))};" for target, x in plan.edges]
         lines += [
-            f"double {name} = {_without_brackets(self.single_operand(start))};" for name, start, _ in plan.carried
+            f"double {name} = {_without_brackets(self.scalar_operand(start))};" for name, start, _ in plan.carried
         ]
         for name, _, edges in plan.sums:
-            lines.append(f"double {name} = {' + '.join(map(self.single_operand, edges)) or '0.0'};")
+            lines.append(f"double {name} = {' + '.join(map(self.scalar_operand, edges)) or '0.0'};")
         loop = self._for_statement(index, plan) if plan.links else []
-        return [*self.take_pending(), *lines, *loop]
+        return [*self.pop_pending(), *lines, *loop]
 
     def _for_statement(self, index: int, plan: LoopPlan) -> list[str]:
-        """Return the ``for`` statement of a loop."""
+        """Return the lines of the ``for`` statement of a loop."""
         link = _Link(self, index, plan)
         body = link.lines
         body += [
@@ -152,29 +152,29 @@ class _Link:
             [*(x for _, _, x in plan.carried), *(x for _, x in plans.stored_arrays(index))],
         )
         for number in sorted(needed | read):
-            text = self._texts[number] if number in read else self._expression_text(number)
+            if (text := self._texts.get(number)) is None:
+                leaf = plans.leaf(number)
+                text = leaf.text if leaf else _operation_text(plans.nodes[number], self.operand)
             if (self._use_counts[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
                 self.lines.append(f"const double a{number} = {_without_brackets(text)};")
                 text = f"a{number}"
             self._texts[number] = text
 
     def operand(self, number: int) -> str:
-        """Return the operand for a number."""
+        """Return the C text of a node in the loop."""
         leaf = self._writer.plans.leaf(number)
         if number in self._texts:
             return self._texts[number]
         if leaf and leaf.each:  # carried, but needed in no operation
             return leaf.text
-        return self._writer.single_operand(number)
-
-    def _expression_text(self, number: int) -> str:
-        """Return the text that calculates a node."""
-        leaf = self._writer.plans.leaf(number)
-        return leaf.text if leaf else _operation_text(self._writer.plans.nodes[number], self.operand)
+        return self._writer.scalar_operand(number)
 
 
 def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
-    """Return how often numbers are used, as operands of nodes and otherwise."""
+    """Return how often each node is used.
+
+    :param once: further uses; ``several``: uses in a loop, which count twice.
+    """
     uses = Counter([*once, *several, *several])
     for node in nodes:
         if node.operation is not None:
@@ -184,7 +184,7 @@ def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iter
 
 
 def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
-    """Return an operation, or a constant, as an operand."""
+    """Return the C text of an operation, in brackets, or of a constant."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
     pattern = OPERATIONS[node.operation]
@@ -193,10 +193,10 @@ def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
 
 
 def _without_brackets(text: str) -> str:
-    """Return an operand without brackets around all of it."""
+    """Return C text without the brackets around it."""
     return text[1:-1] if text.startswith("(") else text
 
 
 def _is_short(text: str) -> bool:
-    """Return whether an operand is a name or a number."""
+    """Return whether C text is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()

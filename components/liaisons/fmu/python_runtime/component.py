@@ -33,7 +33,7 @@ class ComponentTable:
 
 
 def load_component(resources: str) -> ComponentTable:
-    """Return the component of an FMU, read once and shared by all its instances.
+    """Return the component of an FMU, which all its instances share.
 
     :param resources: the unpacked resources folder.
     """
@@ -42,14 +42,14 @@ def load_component(resources: str) -> ComponentTable:
 
 @lru_cache(maxsize=64)
 def _decoded_table(text: str) -> ComponentTable:
-    """Return the component in a JSON text, its functions deserialized."""
+    """Return the component that a JSON text describes."""
     document = json.loads(text)
     functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
     return ComponentTable(**document, functions=functions)
 
 
 def start_values(resources: str) -> Iterator[tuple[str, int, Any]]:
-    """Start values in the folder that replace those of the component: kind, value reference, value.
+    """Yield kind, value reference and value of each start value in ``starts.txt``.
 
     See ``starts.c`` of the native FMUs; here every variable is one number.
     """

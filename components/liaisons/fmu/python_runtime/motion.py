@@ -49,8 +49,8 @@ class Motion:
             buffer.set_res(0, _memory_view(self._after))
             self._calls[name] = (evaluate, buffer)
 
-    def replace_numbers(self, name: str) -> None:
-        """Replace the numbers by the results of a function of them."""
+    def apply_function(self, name: str) -> None:
+        """Replace all numbers by the results of a function of the component."""
         self._calls[name][0]()
         self.all[:] = self._after
 
@@ -59,7 +59,7 @@ class Motion:
 
         :raises MotionError: with what forbids it.
         """
-        self.replace_numbers("start")
+        self.apply_function("start")
         n, component = self.n, self._component
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
@@ -67,16 +67,16 @@ class Motion:
         self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
         if not np.isfinite(n.m).all():
             raise MotionError("the initial energy is not finite")
-        self.replace_numbers("outputs")
+        self.apply_function("outputs")
         z, t, n.t[0] = n.z.copy(), n.t[0], 0.0
-        self.replace_numbers("outputs")
+        self.apply_function("outputs")
         n.t[0] = t
         for i in np.flatnonzero(~np.isfinite(z)) if np.isfinite(n.z).all() else ():  # functions of time overflow
             name = component.names[component.first + n.k.size + n.given.size + i - 1]
             raise MotionError(f"{name} = {z[i]:g} at t = {t:.9g}: it must be finite")
 
-    def take_inputs(self) -> None:
-        """Make the given inputs those of the present time, unless they are interpolated."""
+    def apply_inputs(self) -> None:
+        """Set the inputs at the present time to those that the importer gave, unless they are interpolated."""
         n = self.n
         if n.mode[0] < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
             n.u[:], n.jumped[0] = n.given, 1
@@ -88,10 +88,10 @@ class Motion:
         """
         n = self.n
         n.H[0] = H
-        self.take_inputs()
-        self.replace_numbers("compare")
+        self.apply_inputs()
+        self.apply_function("compare")
         if n.jumped[0]:
-            self._jump(leap=not n.leaps.any())
+            self._jump_states(leap=not n.leaps.any())
         if n.leaps.any():
             self._check_domains(n.given, n.k.size, n.t[0] + H)
         t, x, n.earliest[0] = float(n.t[0]), 0.0, n.t[0]
@@ -103,15 +103,15 @@ class Motion:
         rounding = 1e-12 * (1 + abs(t + H))  # by which an end may miss an instant: 3 * 0.3 is not 0.9
         instant = self._next_instant(t + H - rounding)
         n.t[0] = instant if instant <= t + H + rounding else t + H
-        self.replace_numbers("finish")
+        self.apply_function("finish")
         if n.leaps.any():
             n.u[:] = n.given
-            self._jump(leap=True)
-            self.replace_numbers("remember")
+            self._jump_states(leap=True)
+            self.apply_function("remember")
         n.jumped[0] = 0
 
-    def _jump(self, *, leap: bool) -> None:
-        """Move states along with jumps of σ where that has a limit, and book the work of the jump."""
+    def _jump_states(self, *, leap: bool) -> None:
+        """Book the work of a jump of the inputs; with ``leap``, move states along with a jump of σ that has a limit."""
         n = self.n
         if leap and n.jump.any():
             before = self.all.copy()
@@ -119,10 +119,10 @@ class Motion:
                 self._integrate("leap", 0.0, 1.0)
             except MotionError:  # through a singularity there is no limit
                 self.all[:] = before
-        self.replace_numbers("jump")
+        self.apply_function("jump")
 
     def _integrate(self, name: str, begin: float, end: float) -> float:
-        """Advance y with error control; returns the end.
+        """Advance y from ``begin`` to ``end`` by a function, with error control; returns the end.
 
         :raises MotionError: if it is not reached.
         """
@@ -131,7 +131,7 @@ class Motion:
         h = rest
         for _ in range(_MOST_STEPS):
             n.x[0], n.h[0] = x, h
-            self.replace_numbers(name)
+            self.apply_function(name)
             error = float(n.error[0]) / allowed
             if error <= 1:
                 n.y[:], x, rest = n.y_next, x + h, rest - h
@@ -146,14 +146,17 @@ class Motion:
         start, t = n.u.copy(), n.t[0] + x
         for n.x[0] in (*np.linspace(x, end, 1025), x):
             n.u[:] = start
-            self.replace_numbers("inputs")
+            self.apply_function("inputs")
             self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
         raise MotionError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
 
     def _check_domains(self, values: NDArray[np.float64], first: int, t: float) -> None:
-        """Raise MotionError for the first value outside of its domain; parameters and inputs are counted from 0."""
+        """Raise MotionError for the first value outside of its domain.
+
+        :param first: index of the first value among parameters and inputs.
+        """
         for i, value in enumerate(values.tolist(), first):
             low, high, domain = self._component.domains[i]
             if not low <= value <= high:
@@ -161,8 +164,8 @@ class Motion:
                 raise MotionError(f"{name} = {value:.9g} at t = {t:.9g}: it must be {domain}")
 
     def _check_conditions(self, t: float, least: float, count: int) -> None:
-        """Raise MotionError for the first of so many conditions whose margin is not greater than the least one."""
-        self.replace_numbers("outputs")
+        """Raise MotionError for the first of ``count`` conditions whose margin is not greater than ``least``."""
+        self.apply_function("outputs")
         for text, margin in zip(self._component.condition_texts[:count], self.n.margins[:count], strict=True):
             if not margin > least:
                 does = "hardly does" if margin > 0 else "does not"
@@ -173,11 +176,11 @@ class Motion:
         if not self.n.instants.size:
             return math.inf
         self.n.x[0] = t
-        self.replace_numbers("events")
+        self.apply_function("events")
         return min((instant for instant in self.n.instants.tolist() if instant > t), default=math.inf)
 
     def new_warnings(self) -> Iterator[str]:
-        """Yield the texts of mismatches before the present step, once for each coordinate."""
+        """Yield warnings of mismatches, each coordinate once."""
         n = self.n
         for i, (index, texts) in enumerate(self._component.warnings):
             if index >= 0 and n.m[index] != 0 and index not in self._warned:
@@ -186,5 +189,5 @@ class Motion:
 
 
 def _memory_view(array: NDArray[np.float64]) -> memoryview[float]:
-    """Memory of an array as CasADi's buffers take it."""
+    """Memory view of an array, for CasADi's buffers."""
     return memoryview(cast("Any", array))

@@ -23,18 +23,19 @@ from pythonfmu.enums import Fmi2Status
 
 from .component import load_component, start_values
 from .motion import Motion, MotionError
-from .states import LOOSEST, NUMBERS, TIGHTEST, State, from_bytes, is_usable, to_bytes
+from .states import NUMBERS, State, from_bytes, is_usable, to_bytes
 
 held: list[dict[str, Any]] = []  # see python_backend
 
 _FIXED = "it is a fixed parameter; set it before initialization ends"
 _FAILED = "initialization failed before this state was saved; reset and initialize again"
 _NEVER = math.nan, math.nan
+_TIGHTEST, _LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
 
 
 @cache
 def _finalize_at_exit(resources: str) -> None:
-    """Finalize the interpreter of the wrapper at exit.
+    """Register an exit handler that finalizes the interpreter of pythonfmu's wrapper.
 
     By itself the wrapper does so when it is unloaded, in memory that is freed by then (pythonfmu 0.7.0,
     ``onLibraryUnload`` of Linux), and some processes end with "corrupted double-linked list".
@@ -44,7 +45,7 @@ def _finalize_at_exit(resources: str) -> None:
 
 
 def _finalize_interpreter(binary: str) -> None:
-    """Finalize the interpreter of the wrapper in a binary at exit."""
+    """Finalize the interpreter of the wrapper in a loaded binary."""
     with suppress(OSError):  # unloaded before
         CDLL(binary, mode=os.RTLD_NOLOAD).finalizePythonInterpreter()
 
@@ -91,7 +92,7 @@ class Slave(Fmi2Slave):
                 return
         n.t[0] = start_time
         if tolerance is not None:
-            n.tolerance[0] = min(max(tolerance, TIGHTEST), LOOSEST)
+            n.tolerance[0] = min(max(tolerance, _TIGHTEST), _LOOSEST)
             if n.tolerance[0] != tolerance:
                 text = f"tolerance = {tolerance:g} is out of range, {n.tolerance[0]:g} is used"
                 self.log(text, Fmi2Status.warning)
@@ -107,10 +108,10 @@ class Slave(Fmi2Slave):
         except MotionError as reason:
             self._unusable = f"{reason}; reset, set another value and initialize again"
         self._stepping = True
-        self._check_start()
+        self._check_usable()
 
-    def _check_start(self) -> None:
-        """Raise StartRefused after a refused start."""
+    def _check_usable(self) -> None:
+        """Raise StartRefused if initialization has ended and failed."""
         if self._unusable and self._stepping:
             # The wrapper (0.7.0) releases these now and once more with the instance or at a reset.
             for item in (self, type(self), self.log_queue):
@@ -132,7 +133,7 @@ class Slave(Fmi2Slave):
         """Do a communication step; return False, with all numbers restored, if it is discarded."""
         numbers, before = self._motion.all, self._motion.all.copy()
         try:
-            problem = self._step_problem(current_time, step_size)
+            problem = self._try_step(current_time, step_size)
         except BaseException as reason:  # noqa: BLE001 - e.g. an interrupt; see above
             numbers[:] = before
             why = reason if isinstance(reason, MotionError) else f"broken off by {reason!r}"
@@ -147,14 +148,14 @@ class Slave(Fmi2Slave):
         self.log(problem, Fmi2Status.error if again else Fmi2Status.discard)
         return False
 
-    def _step_problem(self, t: float, H: float) -> str:
-        """Do the step from t to t + H; return the reason why it failed, or an empty text.
+    def _try_step(self, t: float, H: float) -> str:
+        """Do the step from t to t + H unless it is refused; returns the reason then, else an empty text.
 
         :raises MotionError: if the motion does not reach its end.
         """
         if self._unusable or not self._stepping:
             return self._unusable or "initialize the instance first"
-        problem = "; ".join(self._refused.values()) or self._time_problem(t, H)
+        problem = "; ".join(self._refused.values()) or self._time_refusal(t, H)
         self._refused.clear()
         if not problem:
             self._log_warnings()
@@ -162,8 +163,8 @@ class Slave(Fmi2Slave):
             self._motion.step(H)
         return problem
 
-    def _time_problem(self, t: float, H: float) -> str:
-        """Reason why there is no step from t to t + H; empty if there is one."""
+    def _time_refusal(self, t: float, H: float) -> str:
+        """Reason why a step from t to t + H is refused; empty if it is not."""
         now = self._motion.n.t[0]
         if not 0 < H < math.inf:
             return f"step size = {H:g}: it must be > 0 and finite"
@@ -179,10 +180,10 @@ class Slave(Fmi2Slave):
 
     def get_real(self, vrs: list[int]) -> list[float]:
         """Return the values of Real variables, calculated anew after inputs were set."""
-        self._check_start()
+        self._check_usable()
         if not self._stepping:
-            self._motion.replace_numbers("start")
-        self._motion.replace_numbers("outputs")
+            self._motion.apply_function("start")
+        self._motion.apply_function("outputs")
         first, numbers = self._component.first, self._motion.reals
         if not all(first <= vr < first + len(numbers) for vr in vrs):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
@@ -200,7 +201,7 @@ class Slave(Fmi2Slave):
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set Real variables, or refuse the next step with the reason."""
         component, motion = self._component, self._motion
-        new = {vr - component.first: self._ignore_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
+        new = {vr - component.first: self._replaced_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
         for index, value in new.items():
             if not 0 <= index < len(motion.reals):
                 why = "it belongs to no Real variable"
@@ -214,7 +215,7 @@ class Slave(Fmi2Slave):
                 why = f"set a finite number; it stays {motion.reals[index]:.9g}"
             else:
                 continue
-            self._refuse(component.first + index, value, why)
+            self._refuse_value(component.first + index, value, why)
             return
         for index, value in new.items():
             # With a tunable parameter the energy may jump, too.
@@ -223,10 +224,10 @@ class Slave(Fmi2Slave):
             motion.reals[index] = value
             self._refused.pop(component.first + index, None)
         if self._stepping:
-            motion.take_inputs()
+            motion.apply_inputs()
 
-    def _ignore_zero(self, vr: int, value: float) -> float:
-        """Value to set: the start value instead of a 0 before the first step, see ``core_ignore_zeros``."""
+    def _replaced_zero(self, vr: int, value: float) -> float:
+        """The start value instead of a 0 that is ignored before the first step, as by ``core_ignore_zeros``."""
         if value != 0 or vr not in self._kept_starts:
             return value
         start, name = self._kept_starts[vr], self._component.names[vr - 1]
@@ -234,7 +235,7 @@ class Slave(Fmi2Slave):
         return start
 
     def get_integer(self, vrs: list[int]) -> list[int]:
-        """Return structural sizes, or the setting ``input_reconstruction``."""
+        """Return values of Integer variables: structural sizes and ``input_reconstruction``."""
         integers = dict(enumerate(self._component.sizes, 1))
         integers[len(self._component.names)] = int(self._motion.n.mode[0])
         if not integers.keys() >= set(vrs):
@@ -242,20 +243,20 @@ class Slave(Fmi2Slave):
         return [integers.get(vr, 0) for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        """Set ``input_reconstruction`` before the first step; refuse all others."""
+        """Set ``input_reconstruction``; refuse other variables, and that one once steps have begun."""
         for vr, value in zip(vrs, values, strict=True):
             if vr != len(self._component.names):
-                self._refuse(vr, value, "it is no Integer variable that can be set")
+                self._refuse_value(vr, value, "it is no Integer variable that can be set")
             elif self._stepping:
-                self._refuse(vr, value, _FIXED)
+                self._refuse_value(vr, value, _FIXED)
             elif value not in (0, 1, 2):
-                self._refuse(vr, value, "set 0 (hold), 1 (extrapolate) or 2 (interpolate)")
+                self._refuse_value(vr, value, "set 0 (hold), 1 (extrapolate) or 2 (interpolate)")
             else:
                 self._motion.n.mode[0] = value
                 self._refused.pop(vr, None)
 
-    def _refuse(self, vr: int, value: float, why: str) -> None:
-        """Log that a value was refused, and refuse the next step with the same message."""
+    def _refuse_value(self, vr: int, value: float, why: str) -> None:
+        """Log the refusal of a value, and make the next step Discard with the same message."""
         name = dict(enumerate(self._component.names, 1)).get(vr, f"value reference {vr}")
         self._refused[vr] = f"{name} = {value:.9g}: {why}"
         self.log(self._refused[vr], Fmi2Status.discard)
@@ -269,7 +270,7 @@ class Slave(Fmi2Slave):
 
     def _set_fmu_state(self, state: State) -> None:
         """Restore a saved state, or refuse the next step if it is damaged or foreign."""
-        if not is_usable(state, self._get_fmu_state(), self._component):
+        if not is_usable(state, self._get_fmu_state()):
             self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
             self.log(self._refused[-1], Fmi2Status.discard)
             return

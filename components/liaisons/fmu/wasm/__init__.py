@@ -28,13 +28,8 @@ _MANIFEST = f"""\
 """
 
 
-def binary_path(name: str) -> str:
-    """Return the path of the component of a model in its FMU."""
-    return f"binaries/wasm32-wasip2/{name}.wasm"
-
-
 def compile_component(sources: Mapping[str, bytes]) -> bytes:
-    """Return the WebAssembly component of an FMU of FMI 3.0.
+    """Compile the WebAssembly component of an FMU of FMI 3.0.
 
     :param sources: contents of its ``.c`` and ``.h`` files by name.
     :returns: the same bytes for the same sources and compiler.
@@ -44,12 +39,12 @@ def compile_component(sources: Mapping[str, bytes]) -> bytes:
 
 
 def compile_core_module(sources: Mapping[str, bytes]) -> bytes:
-    """Compile the core module of a component: the functions of the draft, laid out by the canonical ABI."""
+    """Compile the core module of a component, which has the functions of the draft in the canonical ABI."""
     return compile_wasm({**sources, "wasm.c": _packaged_file("wasm.c")})
 
 
 def section_bytes(module: bytes) -> bytes:
-    """Return a core module as a section of a component: its kind, its length in seven bits a byte, and itself."""
+    """Return a core module encoded as a section of a component: kind, length (LEB128), content."""
     head, rest = b"\x01", len(module)
     while rest > 127:
         head, rest = head + bytes([rest & 127 | 128]), rest >> 7
@@ -57,7 +52,7 @@ def section_bytes(module: bytes) -> bytes:
 
 
 def manifest_members() -> dict[str, bytes]:
-    """Return the manifest: the version of the draft, and a hash of what an FMU's component is made by."""
+    """Return the file of the manifest by path: version of the draft, and a hash of what components are made by."""
     recipe = hashlib.sha256(
         " ".join(WASM_FLAGS).encode() + _packaged_file("wasm.c") + _packaged_file("wrapper.wasm")
     ).hexdigest()

@@ -35,7 +35,7 @@ def integrate(
             times=times,
             rtol=1e-13,
             atol=1e-14,
-            longest=longest,
+            max_step=longest,
             error=ValidityError,
         )
     return y[:, order].reshape(-1, *np.shape(t))
