@@ -134,9 +134,8 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     if compiler is None:
         raise BuildError(no_compiler_message(" for other platforms" if cross else ""))
     command = [*compiler, "-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else compiler
-    return _compile_and_link(
-        [*command, *FLAGS], [*command, "-shared"], sources, f"library{target.extension}", target.flags
-    )
+    compiling = [*command, *FLAGS, *target.flags]
+    return _compile_and_link(compiling, [*command, "-shared"], sources, f"library{target.extension}", target.flags)
 
 
 def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:

@@ -122,9 +122,7 @@ def compiled_library(code: str, *options: str) -> ctypes.CDLL:
 
 def loaded_library(content: bytes) -> ctypes.CDLL:
     """Library loaded from the content of its file."""
-    with TemporaryDirectory(
-        prefix="liaisons-", ignore_cleanup_errors=True
-    ) as folder:  # Windows keeps what is loaded_library
+    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
         path = Path(folder, f"ensemble{host_target().extension}")
         path.write_bytes(content)
         return ctypes.CDLL(str(path))
