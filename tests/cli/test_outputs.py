@@ -102,7 +102,7 @@ def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPat
     with monkeypatch.context() as patch:
         patch.setattr("liaisons.cosim.system.run_to_end", lambda simulation, **_: len(simulation.times))
         assert simulate(pendulum, stop_time=1e6, step_size=1.0, record=["theta"]) == 1_000_001
-    with pytest.raises(SimulationError, match=r"1e\+06 points, and 39 signals at each of them 664 MB where 200 MB"):
+    with pytest.raises(SimulationError, match=r"1e\+06 points, and 39 signals at each of them 0\.664 GB where 0\.2 GB"):
         simulate(pendulum, stop_time=1e6, step_size=1.0)
     system = System("one")
     system.add("a", pendulum)

@@ -25,7 +25,7 @@ def check_memory(start_time: float, stop_time: float, step_size: float, signals:
     if needed > _ALWAYS_FREE and needed > (free := _free_memory()):
         raise SimulationError(
             f"steps of {step_size:g} s from {start_time:g} to {stop_time:g} s are {points:.3g} points, and "
-            f"{signals} signal{'s' * (signals != 1)} at each of them {needed / 1e9:.1f} GB where {free / 1e9:.1f} GB "
+            f"{signals} signal{'s' * (signals != 1)} at each of them {needed / 1e9:.3g} GB where {free / 1e9:.3g} GB "
             "of memory are free: store less by larger steps, an earlier end, or fewer signals to record"
         )
 
