@@ -113,7 +113,11 @@ def show(
         None if path is None else as_path("show: path", path),
         merged_start_values("show", start_values, keywords),
     )
-    if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
+    if (
+        starts
+        or isinstance(target, Path)
+        or not (two_way := [c for c in target.connections if c.is_reaction or c.is_impulse])
+    ):
         return live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
-from liaisons.cosim.instances import dop853, extracted, make
+from liaisons.cosim.instances import dop853, extract_fmus, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Result
@@ -297,10 +297,10 @@ def test_numbers_of_indicators_that_cannot_be_are_refused(tmp_path: Path, count:
 def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
     """A pendulum, which takes some steps of the solver in each; what its sums have lost comes back, too."""
     code = {"start": "x[0] = 1;", "rates": "f[0] = x[1]; f[1] = -9.81 * sin(x[0]);"}
-    part = SystemComponent.of("x", equations(tmp_path, 2, 0, **code), {})
-    folder = extracted([part.fmu], tmp_path / "extracted")[part.fmu.path]
+    part = SystemComponent.read("x", equations(tmp_path, 2, 0, **code), {})
+    folder = extract_fmus([part.fmu], tmp_path / "extracted")[part.fmu.path]
     values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
-    with make("x", part.fmu, folder) as instance:
+    with make_instance("x", part.fmu, folder) as instance:
         read = instance.getter([part.fmu.variables[name] for name in ("x0", "x1")], values)
         step, (save, restore) = instance.stepper(time, size), instance.save_and_restore_calls()
         instance.initialize({}, 1e-8, 0.0, 10.0)

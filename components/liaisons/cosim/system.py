@@ -26,7 +26,7 @@ from liaisons.cosim.structure.components import Components, Port, Solver, System
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, with_start_values
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked_simulation, with_start_values
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
@@ -104,7 +104,7 @@ class System:
     ) -> SystemComponent:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
-        part = SystemComponent.of(name, fmu, own, isolated=isolated, solver=solver)
+        part = SystemComponent.read(name, fmu, own, isolated=isolated, solver=solver)
         self._parts[name] = part
         if isinstance(fmu, SampledFunction):
             self._connect_variables(part, {**fmu.inputs, **fmu.outputs})
@@ -167,11 +167,11 @@ class System:
         """
         joined: dict[VariableReference, Connection] = {}
         for connection in connections:
-            input_ = connection.target.place
+            input_ = connection.target.reference
             taken = self._connections.get(input_) or joined.setdefault(input_, connection)
             if taken is not connection:
                 ends = f"{connection.source} cannot be connected with {connection.target}"
-                cure = "; where two mechanisms hang, a Junction adds their forces" if connection.back else ""
+                cure = "; where two mechanisms hang, a Junction adds their forces" if connection.is_reaction else ""
                 raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source{cure}")
         self._connections.update(joined)
 
@@ -246,7 +246,7 @@ class System:
         return start_run(self._checked(settings, endless=True))
 
     def _checked(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
-        return checked(self.name, self.filled(), self.connections, settings, endless=endless)
+        return checked_simulation(self.name, self.filled(), self.connections, settings, endless=endless)
 
     @property
     def parts(self) -> Components:
@@ -354,7 +354,9 @@ class _SingleRun:
         system, starts, parts = self.system, self.starts, self.system.parts
         title = next(iter(parts))
         with start_value_hints(parts[title].fmu.variables):
-            simulation = checked(title, parts, system.connections, self.settings, single=True, endless=endless)
+            simulation = checked_simulation(
+                title, parts, system.connections, self.settings, single=True, endless=endless
+            )
         for drive in simulation.drives:
             for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
                 if name in starts and not np.allclose(

@@ -50,12 +50,12 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         parts = {f"{name}.": part for name, part in subject.filled().items()}
         title, text, connections = subject.name, "", subject.connections
     else:
-        part = SystemComponent.of(subject.stem, subject, starts or {})
+        part = SystemComponent.read(subject.stem, subject, starts or {})
         root = read_description(subject).root
         parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
     for part in parts.values():
-        part.fmu.require_library("a live page")
-    feeds = {connection.target.place: connection.source.place for connection in connections}
+        part.fmu.require_file("a live page")
+    feeds = {connection.target.reference: connection.source.reference for connection in connections}
     ordered = list(execution_order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))

@@ -172,7 +172,9 @@ def _start_values(
                         _component_name(component), fmu, variable, quantity
                     )
                 else:
-                    logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
+                    logger.warning(
+                        "%s: %s; the parameter is ignored", archive.path, fmu.unknown_variable_message(variable)
+                    )
     return starts
 
 

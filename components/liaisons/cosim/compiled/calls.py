@@ -44,7 +44,7 @@ class Call(partial[Any]):
     :ivar action: what it does.
     :ivar failure: makes its error, of a call that can be refused.
     :ivar buffers: what the record points to beside the arguments.
-    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled`.
+    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled_record`.
     """
 
     action: Action = "copy"
@@ -53,7 +53,7 @@ class Call(partial[Any]):
     raised: BaseException | None = None
     buffers: object = None
 
-    def with_failure(self, action: Action, failure: Failure) -> Call:
+    def set_failure(self, action: Action, failure: Failure) -> Call:
         """Set what the call does, and what makes its error; returns the call."""
         self.action, self.failure = action, failure
         return self
@@ -70,7 +70,7 @@ class Call(partial[Any]):
         if (status := self()) and status != WARNING:
             raise self.error(status, when)
 
-    def recorded(
+    def set_record(
         self,
         kind: int,
         instance: int | None,
@@ -94,7 +94,7 @@ class Call(partial[Any]):
         self.record = CallRecord(kind, address, instance, source, count, values, size, more)
         return self
 
-    def compiled(self) -> CallRecord:
+    def compiled_record(self) -> CallRecord:
         """The record by which compiled code makes the call; without one, compiled code calls Python."""
         if self.record is None:
             self._asked = _ASKED(self._answer)

@@ -11,6 +11,6 @@ STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c"
 """Communication steps; Python makes those of explicit coupling as well, to the same bits."""
 
 
-def steps() -> CDLL | None:
+def step_library() -> CDLL | None:
     """The library of :data:`STEPS`; None if it cannot be compiled or loaded."""
     return compiled_library(STEPS, "communication steps are made by Python")

@@ -119,7 +119,7 @@ class Fmu:
         return [
             name
             for entry in self.variables.entries.values()
-            if entry.like.type in types and entry.like.causality in causalities and entry.size <= longest
+            if entry.prototype.type in types and entry.prototype.causality in causalities and entry.size <= longest
             for name in entry.names()
         ]
 
@@ -136,7 +136,7 @@ class Fmu:
         return event if marked else None
 
     @property
-    def is_sampled(self) -> bool:
+    def has_sampled_outputs(self) -> bool:
         """Whether outputs change at announced events only, so that inputs are read at these only."""
         if self.next_event_time is None:
             return False
@@ -148,7 +148,7 @@ class Fmu:
         inputs = (self._initial if initially else self._outputs).get(variable.index)
         return inputs is None or self.variables[input_].index in inputs
 
-    def require_library(self, task: str) -> None:
+    def require_file(self, task: str) -> None:
         """Refuse a function of Python.
 
         :param task: what needs a library, as ``"an archive"``.
@@ -157,7 +157,7 @@ class Fmu:
         if self.function is not None:
             raise SimulationError(f"{self.model_name}: {task} takes no function of Python; declare a Sampled component")
 
-    def unknown(self, name: str, *others: str) -> str:
+    def unknown_variable_message(self, name: str, *others: str) -> str:
         """Message for a variable that does not exist; ``others`` are further names to suggest."""
         base, index = array_and_index(name)
         if base in self.arrays:
@@ -273,12 +273,12 @@ def _experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
     except ValueError as error:
         raise ValueError(f"DefaultExperiment: {error}") from None
     start = experiment.start_time if experiment.start_time and math.isfinite(experiment.start_time) else None
-    stop_time, step_size = usable(start or 0.0, experiment.stop_time, experiment.step_size)
+    stop_time, step_size = usable_experiment(start or 0.0, experiment.stop_time, experiment.step_size)
     tolerance = experiment.tolerance if experiment.tolerance and 0 < experiment.tolerance < math.inf else None
     return DefaultExperiment(start, stop_time, step_size, tolerance)
 
 
-def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
+def usable_experiment(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
     """Stop time and step size of a default experiment; None for values that cannot be simulated."""
     if step is not None and not 0 < step < math.inf:
         step = None

@@ -63,7 +63,7 @@ _Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
 class _Elements:
     """FMI 2.0 scalars ``name[1]``, ``name[2]``, ..., which form an array if none is missing."""
 
-    like: Scalar
+    prototype: Scalar
     references: array[int] = field(default_factory=lambda: array("L"))
     indices: array[int] = field(default_factory=lambda: array("L"))
     starts: list[str | None] = field(default_factory=list)
@@ -85,13 +85,15 @@ class _Elements:
         shape = (count,) if self.shapes is None else complete_shape(self.shapes)
         if shape is not None and free:
             starts = self.starts if any(start is not None for start in self.starts) else ()
-            return {self.like.name: Array(self.like, shape, self.references, starts, self.indices, whole=False)}
+            return {
+                self.prototype.name: Array(self.prototype, shape, self.references, starts, self.indices, whole=False)
+            }
         shapes = self.shapes or [(k,) for k in range(1, count + 1)]
         members = zip(shapes, self.references, self.starts, self.indices, strict=True)
         return {
-            name: replace(self.like, name=name, reference=reference, start=start, index=place)
+            name: replace(self.prototype, name=name, reference=reference, start=start, index=place)
             for index, reference, start, place in members
-            for name in [f"{self.like.name}[{','.join(map(str, index))}]"]
+            for name in [f"{self.prototype.name}[{','.join(map(str, index))}]"]
         }
 
 
@@ -280,7 +282,7 @@ class Description:
             if group is None:
                 group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
                 self._count_memory(_BYTES_OF_VARIABLE)
-            if isinstance(group, _Elements) and _KIND(group.like) == _KIND(variable):
+            if isinstance(group, _Elements) and _KIND(group.prototype) == _KIND(variable):
                 group.add(variable, index)
                 return
         self._entries[variable.name] = variable
@@ -315,7 +317,7 @@ class Description:
         entries: dict[str, Entry] = {}
         for name, entry in self._entries.items():
             if isinstance(entry, _Elements):
-                entries |= entry.entries(free=entry.like.name not in self._entries)
+                entries |= entry.entries(free=entry.prototype.name not in self._entries)
             else:
                 entries[name] = (
                     _make_entry(entry, sizes, resized=bool(self._sizes)) if isinstance(entry, tuple) else entry

@@ -61,14 +61,14 @@ def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict
 
     :raises SimulationError: for one that cannot be set, or a value that is no integer.
     """
-    scalars = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
+    scalars = {name: entry.prototype for name in starts if (entry := fmu.variables.entries.get(name))}
     changed = [name for name, like in scalars.items() if like.structural and like.type == "Integer"]
     return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
 
 
 def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
     if name not in fmu.variables:
-        raise SimulationError(f"{owner}: {fmu.unknown(name)}")
+        raise SimulationError(f"{owner}: {fmu.unknown_variable_message(name)}")
     variable = fmu.variables[name]
     _check_settable(owner, fmu, variable, name, value)
     return _convert(f"{owner}.{name} = {shown(value)}", variable, value)
@@ -77,11 +77,11 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
 def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
-    _check_settable(owner, fmu, entry.like, name, start)
+    _check_settable(owner, fmu, entry.prototype, name, start)
     label = f"{owner}.{name} = {shown(start)}"
     elements = np.asarray(start, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
-        return [_convert(label, entry.like, elements.item())] * entry.size
+        return [_convert(label, entry.prototype, elements.item())] * entry.size
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
         raise InvalidValueError(
@@ -89,7 +89,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
             "or one number for all"
         )
     return [
-        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
+        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.prototype, value)
         for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
     ]
 
@@ -99,16 +99,18 @@ def _own_starts(entry: Array) -> Any:
     texts = [text or "0" for text in entry.starts] or ["0"]
     read_as = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": lambda text: text in {"true", "1"}}
     try:
-        own = [read_as.get(entry.like.type, str)(text) for text in texts]
+        own = [read_as.get(entry.prototype.type, str)(text) for text in texts]
     except ValueError as error:
-        raise SimulationError(f"{entry.like.name}: a start value in the model description is none: {error}") from None
+        raise SimulationError(
+            f"{entry.prototype.name}: a start value in the model description is none: {error}"
+        ) from None
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 
 
 def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
     if variable.settable:
         return
-    settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
+    settable = [n for n, entry in fmu.variables.entries.items() if entry.prototype.settable]
     why = "is fixed" if variable.structural else "is calculated"
     raise InvalidValueError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"

@@ -128,8 +128,12 @@ class Terminals:
         if motion is None:
             return
         entries = [variables.entry(name) for name in motion]
-        kinds = {(entry.like.type, entry.like.causality, entry.shape) for entry in entries}
-        if len(kinds) == 1 and entries[0].like.type == "Real" and entries[0].like.causality in {"input", "output"}:
+        kinds = {(entry.prototype.type, entry.prototype.causality, entry.shape) for entry in entries}
+        if (
+            len(kinds) == 1
+            and entries[0].prototype.type == "Real"
+            and entries[0].prototype.causality in {"input", "output"}
+        ):
             usual, force = port_names(motion[0]), terminal.force or ""
             if motion != usual[:3] or force not in {"", usual.force, usual.load}:
                 self.renamed[motion[0]] = PortNames(*motion, force, "", "", "")
@@ -158,7 +162,7 @@ def _look_up(terminals: Mapping[str, TerminalDescription], name: str) -> Termina
 
 def _terminal_by_names(names: PortNames, variables: Variables) -> TerminalDescription:
     """A terminal of variables with conventional names, where the FMU declares none."""
-    entry = variables.entries[names.value].like
+    entry = variables.entries[names.value].prototype
     force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")
     motion = names.value, names.rate, names.acceleration
     members = {member: MemberVariable(name) for member, name in zip(_MOTION, motion, strict=True)}

@@ -56,7 +56,7 @@ class Scalar:
         return self.causality == "structuralParameter"
 
     @property
-    def like(self) -> Scalar:
+    def prototype(self) -> Scalar:
         return self
 
     @property
@@ -86,7 +86,7 @@ class Array:
     :param whole: whether it is a variable of FMI 3.0, which is read and set as a whole.
     """
 
-    like: Scalar
+    prototype: Scalar
     shape: Shape
     references: Sequence[int]
     starts: Sequence[str | None]
@@ -100,12 +100,12 @@ class Array:
 
     def names(self) -> Iterator[str]:
         """Names of its elements, the last index running fastest."""
-        return (f"{self.like.name}[{index}]" for index in element_indices(self.shape))
+        return (f"{self.prototype.name}[{index}]" for index in element_indices(self.shape))
 
     def element(self, name: str, position: int) -> Scalar:
         """The scalar at a position."""
         return replace(
-            self.like,
+            self.prototype,
             name=name,
             reference=_at(self.references, position),
             start=_at(self.starts, position) if self.starts else None,
@@ -152,7 +152,7 @@ class Variables(Mapping[str, Scalar]):
         """
         return self.entries.get(name) or self[name]
 
-    def whole(self, name: str) -> Array | None:
+    def whole_array(self, name: str) -> Array | None:
         """The FMI 3.0 array of this name or with this element; None if there is none."""
         entry = self.entries.get(name) or self.entries.get(array_and_index(name)[0])
         return entry if isinstance(entry, Array) and entry.whole else None

@@ -16,7 +16,7 @@ from liaisons.cosim.instances.sampled import SampledInstance
 from liaisons.cosim.messages import logger
 
 
-def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
+def extract_fmus(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     """Extract the binaries and resources of FMUs, each file once.
 
     :returns: path of the FMU -> its own folder.
@@ -29,7 +29,7 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     return folders
 
 
-def make(
+def make_instance(
     name: str,
     fmu: Fmu,
     directory: Path,

@@ -102,7 +102,7 @@ def layout(
         begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
         if begin == size:
             references.append(variable.reference)
-            array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
+            array = fmu.variables.whole_array(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
         positions.append(begin + variable.position)
     return BufferLayout(base, tuple(references), c_type, size, as_indices(scalars), as_indices(positions))

@@ -146,7 +146,7 @@ class Dop853:
             e.inputs, e.terms = motion.values.size, motion.orders.size
             e.point(rows=motion.rows, orders=motion.orders, slopes=motion.slopes)
             e.point(first=motion.first, input=motion.values)
-        e.put, e.begin = c.addressof(motion.write.compiled()), motion.start
+        e.put, e.begin = c.addressof(motion.write.compiled_record()), motion.start
 
     def step(self, stop: float) -> tuple[float, bool]:
         """One step, not beyond a time [s].

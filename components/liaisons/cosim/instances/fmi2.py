@@ -55,13 +55,13 @@ class Instance2(Loaded, ABC):
         _instances[self._handle] = self
         self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = _references(unknowns), _references(knowns)
         along, product = pointer_to(seed), pointer_to(values)
         call = self._prepare("derive", *buffered(rows), *buffered(columns), along, product)
         call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(along))
         record = {"source": rows, "count": len(rows), "values": product, "size": len(columns), "more": more}
-        return call.recorded(DERIVE_2, self._pointer.value, **record)
+        return call.set_record(DERIVE_2, self._pointer.value, **record)
 
     def _close_own(self) -> None:
         _instances.pop(self._handle, None)
@@ -80,7 +80,7 @@ class CoSimulation2(Instance2):
     def stepper(self, time: c_double, size: c_double) -> Call:
         self._span = time, size
         call = self._prepare("step", time, size, c_int(1))
-        return call.recorded(STEP_2, self._pointer.value)
+        return call.set_record(STEP_2, self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._of_orders("shape", variables, orders, values)
@@ -92,7 +92,7 @@ class CoSimulation2(Instance2):
         references, numbers, buffer = _references(variables), (c_int * len(orders))(*orders), pointer_to(values)
         call = self._prepare(action, *buffered(references), numbers, buffer)
         record = {"source": references, "count": len(references), "values": buffer, "more": numbers}
-        return call.recorded(ORDERS_2, self._pointer.value, **record)
+        return call.set_record(ORDERS_2, self._pointer.value, **record)
 
     def _requested_end(self) -> float | None:
         if any(status >= DISCARD for status, _ in self._messages):

@@ -66,7 +66,7 @@ class Instance3(Loaded, ABC):
             loggingOn=True, logMessage=lambda _, status, __, message: self._log_message(status, message), **particulars
         )
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
         references = *counted(rows.references), *counted(columns.references)
         multiply = self._prepare("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
@@ -78,13 +78,13 @@ class Instance3(Loaded, ABC):
 class CoSimulation3(Instance3):
     """An FMI 3.0 co-simulation instance.
 
-    :param requests_intermediate_update: whether inputs are set inside steps; see :meth:`intermediate_update`.
+    :param requests_intermediate_update: whether inputs are set inside steps; see :meth:`prepare_intermediate_inputs`.
     """
 
     fmpy_class = FMU3CoSimulation
 
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
-        inputs = (entry.like for entry in fmu.variables.entries.values() if entry.like.causality == "input")
+        inputs = (entry.prototype for entry in fmu.variables.entries.values() if entry.prototype.causality == "input")
         moving = (like for like in inputs if like.type == "Real" and like.continuous)
         self._intermediate_references = [like.reference for like in moving if requests_intermediate_update]
         self._intermediate_writes: list[list[Transfer]] = []
@@ -123,10 +123,10 @@ class CoSimulation3(Instance3):
         call = self.prepared("step", advance)
         if asked:  # the compiled loop does not check the statuses of updates
             return call
-        call.record = step.recorded(STEP_3, self._pointer.value, source=self._final, values=ended).record
+        call.record = step.set_record(STEP_3, self._pointer.value, source=self._final, values=ended).record
         return call
 
-    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
         inputs = layouts(self._fmu, variables, self.types)
         writes = [(part, self._transfer_whole("set", part)) for part in inputs]
         reads = [self._transfer_whole("get", part) for part in inputs if not part.whole]

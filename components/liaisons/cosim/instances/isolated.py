@@ -95,8 +95,8 @@ class Isolated(Instance):
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         return self._prepare("save", "save_and_restore_calls"), self._prepare("restore", None)
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        return self._prepare("derive", "directional", unknowns, knowns, sent=[seed], received=values)
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        return self._prepare("derive", "directional_derivatives", unknowns, knowns, sent=[seed], received=values)
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepare("slope", "output_derivatives", variables, orders, received=values)
@@ -104,8 +104,8 @@ class Isolated(Instance):
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
-    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
-        return self._prepare("set", "intermediate_update", variables, sent=[values])
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
+        return self._prepare("set", "prepare_intermediate_inputs", variables, sent=[values])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
         if self._fate:

@@ -151,7 +151,7 @@ class ModelExchange(Loaded, ABC):
                 self._iterate_events()
             return status
 
-        return Call(put).with_failure("set", write.failure)
+        return Call(put).set_failure("set", write.failure)
 
     def _index_inputs(self, variables: Scalars) -> Indices:
         """Give inputs indices among the held ones; returns these."""
@@ -194,9 +194,9 @@ class ModelExchange(Loaded, ABC):
             apart = min(_DIFFERENCE_SPAN * self._size, (self._next_event - begin) / len(_FORWARD_DIFFERENCE))
             total = -sum(_FORWARD_DIFFERENCE) * take()
             for k, factor in enumerate(_FORWARD_DIFFERENCE, 1):
-                self.go_to(begin + k * apart, solver.states + k * apart * rates)
+                self.set_time_and_states(begin + k * apart, solver.states + k * apart * rates)
                 total += factor * take()
-            self.go_to(begin, solver.states)
+            self.set_time_and_states(begin, solver.states)
             self._motion = None
             result[:] = total / apart
             return 0
@@ -264,7 +264,7 @@ class ModelExchange(Loaded, ABC):
                 self._check_rates(solver.states)
                 self._change_solver()
                 return False
-        self._check(*self._set_time_and_states(time, self._states_address), self._at())
+        self._check(*self._try_time_and_states(time, self._states_address), self._at())
         if isinstance(self._solver, Dop853) and self._solver.stiff:
             self._change_solver()
         return self._complete_step() or event
@@ -274,13 +274,13 @@ class ModelExchange(Loaded, ABC):
         begin, rates = self._clock.value, np.zeros_like(states)
         for later in (0.0, _CHATTER_SPAN * self._size, 4 * float(np.spacing(abs(begin)))):
             trial = states + later * rates
-            self.go_to(begin + later, trial)
+            self.set_time_and_states(begin + later, trial)
             self._fill(rates, self.derivatives, self._at())
             if not np.isfinite(rates).all():
                 k = int(np.argmin(np.isfinite(rates)))
                 words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._at()}, where that is"
                 raise RefusedError(f"{self.name}: {words} {trial[k]:.10g}; choose other start values, or ask its maker")
-        self.go_to(begin, states)
+        self.set_time_and_states(begin, states)
 
     def _check_last_call(self, solver: Dop853) -> None:
         """Raise the error of the call of the FMU that has ended a step of the solver, if one has."""
@@ -344,13 +344,13 @@ class ModelExchange(Loaded, ABC):
         """Whether it has event indicators or a next time event."""
         return bool(self._indicators.size) or math.isfinite(self._next_event)
 
-    def go_to(self, time: float, states: Vector) -> None:
+    def set_time_and_states(self, time: float, states: Vector) -> None:
         """Set a time [s] and continuous states, without an event.
 
         :raises RefusedError: if the FMU discards them.
         """
         states = np.ascontiguousarray(states)
-        self._check(*self._set_time_and_states(time, c_void_p(states.ctypes.data)), self._at())
+        self._check(*self._try_time_and_states(time, c_void_p(states.ctypes.data)), self._at())
 
     # ---- functions for the solver
 
@@ -359,7 +359,7 @@ class ModelExchange(Loaded, ABC):
         function, count = self._function(name), c_size_t(size)
 
         def answer(time: float, states: int, result: int) -> int:
-            last = self._set_time_and_states(time, c_void_p(states))
+            last = self._try_time_and_states(time, c_void_p(states))
             if last[1] in SUCCESS:
                 last = name, function(self._pointer, c_void_p(result), count)
             if last[1] in SUCCESS:
@@ -369,7 +369,7 @@ class ModelExchange(Loaded, ABC):
 
         return answer
 
-    def _set_time_and_states(self, time: float, states: c_void_p) -> tuple[str, int]:
+    def _try_time_and_states(self, time: float, states: c_void_p) -> tuple[str, int]:
         """Set a time [s], inputs, and the states at an address.
 
         :returns: name and status of the last function of FMI that was called: the one that was refused, if one was.

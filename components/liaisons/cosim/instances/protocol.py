@@ -89,7 +89,7 @@ class Instance(ABC):
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed.
 
         Only where :attr:`Fmu.provides_directional_derivatives` is true.
@@ -110,7 +110,7 @@ class Instance(ABC):
         """
         raise NotImplementedError
 
-    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
         """Set inputs inside each step; returns a call that is made before the step.
 
         Only where :attr:`Fmu.inside_inputs` is true and the instance was made to request intermediate updates.
@@ -121,7 +121,7 @@ class Instance(ABC):
 
     def prepared(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
         """A call of a function, whose errors this instance makes."""
-        return Call(function, *arguments).with_failure(action, self.failure)
+        return Call(function, *arguments).set_failure(action, self.failure)
 
     @abstractmethod
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
@@ -196,7 +196,7 @@ class Loaded(Instance):
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
             experiment = ()
-        structural = {name for name in starts if self._fmu.variables.entry(name).like.structural}
+        structural = {name for name in starts if self._fmu.variables.entry(name).prototype.structural}
         if structural:
             self._call(f"{self.prefix}EnterConfigurationMode")
             for name in structural:
@@ -209,7 +209,7 @@ class Loaded(Instance):
 
     def assign(self, name: str, value: Any) -> None:
         entry = self._fmu.variables.entry(name)
-        base, references = entry.like.base, entry.references
+        base, references = entry.prototype.base, entry.references
         values = value if isinstance(value, tuple) else (value,)
         about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
         texts = tuple(text.encode() for text in values) if base == "String" else values
@@ -245,9 +245,9 @@ class Loaded(Instance):
         buffer = layout.buffer if values is None else pointer_to(values)
         references, name = value_references(layout.references), self._function_name(action, layout)
         arguments = *buffered(references), *buffered(buffer)[: 2 if self.sized else 1]
-        call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failure_of(name))
+        call = Call(self._function(name), self._pointer, *arguments).set_failure(action, self._failure_of(name))
         record = {"source": references, "count": len(references), "values": buffer, "size": len(buffer)}
-        return call.recorded(self.transfer, self._pointer.value, **record)
+        return call.set_record(self.transfer, self._pointer.value, **record)
 
     def _function_name(self, action: Action, layout: BufferLayout) -> str:
         """The name of the FMI function that gets or sets variables of this type."""
@@ -255,7 +255,7 @@ class Loaded(Instance):
 
     def _combine(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
         """One call that makes several calls in order, and returns the worst status."""
-        return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failure_of(function))
+        return Call(lambda: max((call() for call in calls), default=0)).set_failure(action, self._failure_of(function))
 
     def _failure_of(self, function: str) -> Failure:
         """A function that returns the error of a status of an FMI function."""
@@ -266,7 +266,7 @@ class Loaded(Instance):
         self._states.append(state)
         save, restore = self._prepare("save", byref(state)), self._prepare("restore", state)
         address = self._pointer.value
-        return save.recorded(SAVE, address, values=state), restore.recorded(RESTORE, address, values=state)
+        return save.set_record(SAVE, address, values=state), restore.set_record(RESTORE, address, values=state)
 
     def reset(self) -> None:
         self._initialized = False

@@ -32,7 +32,7 @@ class FreeInput:
     """
 
     def __init__(self, part: SystemComponent, name: str, instance: Instance, feeds: Feeds) -> None:
-        scalars = [part.scalar(element) for element in part.recordable(name)]
+        scalars = [part.scalar(element) for element in part.recordable_names(name)]
         self._label, self._variable, self._shape = f"{part.name}.{name}", scalars[0], part.fmu.arrays.get(name, ())
         if self._variable.causality != "input" or self._variable.type not in NUMBERS:
             words = f"is {self._variable.type} of causality {self._variable.causality!r}"

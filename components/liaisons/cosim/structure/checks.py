@@ -41,22 +41,22 @@ class ConnectionGraph:
     @cached_property
     def feeds(self) -> Feeds:
         """Input -> the output that feeds it."""
-        return {connection.target.place: connection.source.place for connection in self.connections}
+        return {connection.target.reference: connection.source.reference for connection in self.connections}
 
     @cached_property
-    def groups(self) -> Sequence[Sequence[str]]:
+    def strong_components(self) -> Sequence[Sequence[str]]:
         """Strongly connected components, in execution order."""
-        return schedule.groups(self.parts, self.feeds)
+        return schedule.strong_components(self.parts, self.feeds)
 
     @cached_property
     def cyclic(self) -> Collection[str]:
         """Names of the components that feed each other, or themselves."""
         own = {target for (target, _), (source, _) in self.feeds.items() if target == source}
-        return {name for group in self.groups for name in group if len(group) > 1 or name in own}
+        return {name for group in self.strong_components for name in group if len(group) > 1 or name in own}
 
     def late(self, coupling: Coupling) -> Collection[VariableReference]:
         """Inputs whose value at the end of a step is not known when their component is stepped."""
-        return schedule.late_inputs([name for group in self.groups for name in group], self.feeds, coupling)
+        return schedule.late_inputs([name for group in self.strong_components for name in group], self.feeds, coupling)
 
     @cached_property
     def loops(self) -> Sequence[str]:
@@ -77,7 +77,7 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     if asked is not None:
         check_choice("coupling", asked, get_args(Coupling))
     parts, connections = graph.parts, graph.connections
-    cycles = [group for group in graph.groups if len(group) > 1]
+    cycles = [group for group in graph.strong_components if len(group) > 1]
     stuck = [name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state]
     if asked in ITERATING:
         if stuck:
@@ -85,17 +85,17 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
                 f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
                 "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
             )
-        if compiled.steps() is None:
+        if compiled.step_library() is None:
             raise SimulationError(
                 f"coupling = {asked!r} is made by compiled code, and {no_compiler_message()}; or choose "
                 "coupling='gauss-seidel'"
             )
         return asked
-    two_ways = [connection for connection in connections if connection.back]
+    two_ways = [connection for connection in connections if connection.is_reaction]
     hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
     if asked is None and (two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))):
-        if compiled.steps() is None:
+        if compiled.step_library() is None:
             hurdles.append(no_compiler_message())
         if not hurdles:
             return "implicit"
@@ -123,7 +123,7 @@ def _reduces_error(parts: Components, connections: Sequence[Connection], driven:
         return False
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
         return False
-    fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
+    fed = {connection.target.reference[0] for connection in connections if connection.source.variable.continuous}
     return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
 
 
@@ -194,13 +194,15 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
 
 def _may_interpolate(part: SystemComponent) -> bool:
     """Whether it extrapolates its inputs by default, not by a start value, and uses them between samples."""
-    return not part.fmu.is_sampled and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
+    return (
+        not part.fmu.has_sampled_outputs and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
+    )
 
 
 def _rates_are_fed(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
     """Whether the rates of an input are fed, too, if it has any."""
-    triple, _ = Port(part, name).curve()
-    return all(port.place in fed for port in triple or ())
+    triple, _ = Port(part, name).motion_and_order()
+    return all(port.reference in fed for port in triple or ())
 
 
 def check_steps(
@@ -266,9 +268,9 @@ def check_inputs(parts: Components, graph: ConnectionGraph) -> None:
                     f"set {variable}=... where {name} is added"
                 )
     for name, variable in feeds:
-        triple, order = Port(parts[name], variable).curve()
+        triple, order = Port(parts[name], variable).motion_and_order()
         if triple and order == 0:
-            missing = [end for end in triple if end.place not in fed and end.name not in parts[name].starts]
+            missing = [end for end in triple if end.reference not in fed and end.name not in parts[name].starts]
             if missing and parts[name].approximation.method != 0:
                 logger.warning(
                     "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",

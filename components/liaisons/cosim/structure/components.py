@@ -90,7 +90,7 @@ class SystemComponent:
     solver: Solver | None = None
 
     @classmethod
-    def of(
+    def read(
         cls,
         name: str,
         path: Path | str | SampledFunction,
@@ -132,8 +132,8 @@ class SystemComponent:
         if port.exists:
             return port
         if port.terminal is None:
-            raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *self.fmu.terminals.named)}")
-        return port.leading
+            raise ConnectError(f"{self.name}: {self.fmu.unknown_variable_message(name, *self.fmu.terminals.named)}")
+        return port.value_port
 
     @property
     def element_starts(self) -> dict[str, Any]:
@@ -151,7 +151,7 @@ class SystemComponent:
         """Sampling period [s]; 0 where it does not sample."""
         if isinstance(self.fmu.function, SampledFunction):
             return self.fmu.function.period
-        period = self.fmu.variables.get("period") if self.fmu.is_sampled else None
+        period = self.fmu.variables.get("period") if self.fmu.has_sampled_outputs else None
         return 0.0 if period is None else float(str(self.starts.get("period", period.start)))
 
     @property
@@ -159,7 +159,7 @@ class SystemComponent:
         """Types that can be read and set: strings have other addresses in another process."""
         return NUMBERS if self.isolated else RECORDED
 
-    def recordable(self, name: str) -> list[str]:
+    def recordable_names(self, name: str) -> list[str]:
         """Names of a scalar, or of all elements of an array.
 
         :raises SimulationError: for an unknown name, or a type that cannot be recorded.
@@ -179,7 +179,7 @@ class SystemComponent:
         :raises SimulationError: for an unknown name; the message suggests the nearest one.
         """
         if name not in self.fmu.variables:
-            raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
+            raise SimulationError(f"{self.name}: {self.fmu.unknown_variable_message(name)}")
         return self.fmu.variables[name]
 
     @cached_property
@@ -207,7 +207,7 @@ class SystemComponent:
         """A copy that interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
-    def apart(self, limit: float = TIME_LIMIT) -> SystemComponent:
+    def isolated_copy(self, limit: float = TIME_LIMIT) -> SystemComponent:
         """A copy in a process of its own; itself if it has one."""
         return self if self.isolated else replace(self, isolated=limit)
 
@@ -239,7 +239,7 @@ class Port:
         return self.part.fmu.units.get(self.variable.unit)
 
     @property
-    def place(self) -> tuple[str, str]:
+    def reference(self) -> tuple[str, str]:
         """Names of component and variable."""
         return self.part.name, self.name
 
@@ -269,7 +269,7 @@ class Port:
         return terminals.port(self.name) if self.exists else terminals.get(self.name)
 
     @property
-    def leading(self) -> Port:
+    def value_port(self) -> Port:
         """The value of the port that this is or belongs to; of all else, itself."""
         motion = self.terminal and self.terminal.motion
         return Port(self.part, motion[0]) if motion else self
@@ -281,10 +281,10 @@ class Port:
 
     def triple(self) -> tuple[Port, Port, Port] | None:
         """Value, rate and acceleration, if this is the value of a port; else None."""
-        triple, order = self.curve()
+        triple, order = self.motion_and_order()
         return triple if order == 0 else None
 
-    def curve(self) -> tuple[tuple[Port, Port, Port] | None, int]:
+    def motion_and_order(self) -> tuple[tuple[Port, Port, Port] | None, int]:
         """Value, rate and acceleration of a port, and which of them this is; (None, 0) if none."""
         names, order = _curve(self.part.fmu, self.name)
         return names and (Port(self.part, names[0]), Port(self.part, names[1]), Port(self.part, names[2])), order

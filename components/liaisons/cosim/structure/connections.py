@@ -35,12 +35,12 @@ class Connection:
     conversion: Conversion = SAME
 
     @property
-    def back(self) -> bool:
+    def is_reaction(self) -> bool:
         """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
         return all(port.force == port.name for port in (self.source, self.target))
 
     @property
-    def impulsive(self) -> bool:
+    def is_impulse(self) -> bool:
         """Whether it takes the impulses of a moved mechanism back to what moves it."""
         ends = self.source, self.target
         return all(port.terminal is not None and port.terminal.impulse == port.name for port in ends)

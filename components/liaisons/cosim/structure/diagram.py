@@ -84,9 +84,9 @@ class _Block:
 
 def diagram(name: str, parts: Components, connections: Collection[Connection]) -> Diagram:
     """The block diagram of a system of this name."""
-    feeds = {c.target.place: c.source.place for c in connections}
-    forward = {c.target.place: c.source.place for c in connections if not c.back}
-    groups = schedule.groups(parts, feeds)
+    feeds = {c.target.reference: c.source.reference for c in connections}
+    forward = {c.target.reference: c.source.reference for c in connections if not c.is_reaction}
+    groups = schedule.strong_components(parts, feeds)
     numbers = {part: number for number, group in enumerate(groups, 1) for part in group}
     drawn = schedule.execution_order(parts, forward)[:_MOST]
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
@@ -114,26 +114,26 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
     """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
     wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        ports = [_whole(port, back=c.back) for port in (c.source, c.target)]
+        ports = [_whole(port, back=c.is_reaction) for port in (c.source, c.target)]
         points = [port.terminal.point for port in ports if port.terminal and port.triple()]
         joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
         names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
         source, target = (array_and_index(name)[0] for name in names)
-        ends = (c.source.place[0], source), (c.target.place[0], target)
-        ends = (ends[1], ends[0]) if c.back else ends
+        ends = (c.source.reference[0], source), (c.target.reference[0], target)
+        ends = (ends[1], ends[0]) if c.is_reaction else ends
         wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)
     return list(wires.values())
 
 
 def _whole(port: Port, *, back: bool) -> Port:
     """The value of the port that a variable is a member of; a force is itself unless it goes back with a port."""
-    return port.leading if back or port.curve()[0] else port
+    return port.value_port if back or port.motion_and_order()[0] else port
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
     """Names of the ports of a causality, points instead of their components."""
     entries = part.fmu.variables.entries
-    ports = [Port(part, name) for name in entries if entries[name].like.causality == causality]
+    ports = [Port(part, name) for name in entries if entries[name].prototype.causality == causality]
     terminals = [port.terminal for port in ports if port.triple()]
     return list(dict.fromkeys(t.point.point if t.point else t.motion[0] for t in terminals if t and t.motion))
 
@@ -230,7 +230,7 @@ def _arrows(
             out, into = x + 12 + lane, to_x - 12 - lane
             low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
             path = f"M{x} {y}H{out}V{low}H{into}V{to_y}H{to_x}"
-        both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
+        both = ' marker-start="url(#liaisons-head)"' if any(c.is_reaction for c in wire.connections) else ""
         variables = escape("\n".join(map(str, wire.connections)))
         drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
     return drawn

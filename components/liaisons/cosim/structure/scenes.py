@@ -15,7 +15,7 @@ from liaisons.base.archive import Archive
 from liaisons.base.array_names import array_and_index
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.instances import extracted, make
+from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.pictures import Picture, combined_pictures
@@ -67,7 +67,7 @@ def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
     :param starts: parameters of the simulation that differ from those of the FMU.
     :raises SimulationError: if a file cannot be read.
     """
-    return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.of(fmu.stem, fmu, starts)}))
+    return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.read(fmu.stem, fmu, starts)}))
 
 
 def connected_groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
@@ -91,7 +91,7 @@ def picture_of(part: SystemComponent) -> Picture:
             picture = Picture.from_json(file.read(), str(path))
     for name in picture.variables:
         if name not in variables:
-            raise SimulationError(f"{path}: {MEMBER}: {part.fmu.unknown(name)}")
+            raise SimulationError(f"{path}: {MEMBER}: {part.fmu.unknown_variable_message(name)}")
     return picture
 
 
@@ -102,8 +102,8 @@ def _calculated(part: SystemComponent, names: list[str], recorded: Values) -> Va
     values = np.empty(len(names))
     results = np.empty((len(names), count))
     with ExitStack() as stack:
-        folders = extracted([part.fmu], stack.enter_context(temporary_folder()))
-        instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
+        folders = extract_fmus([part.fmu], stack.enter_context(temporary_folder()))
+        instance = stack.enter_context(make_instance(part.name, part.fmu, folders[part.fmu.path]))
         instance.initialize(part.starts, None, 0.0, 1.0)
         read = instance.getter([part.fmu.variables[name] for name in names], values)
         for k in range(count):
@@ -121,9 +121,9 @@ def _configuration(part: SystemComponent, recorded: Values) -> Mapping[str, Any]
         base, index = array_and_index(name)
         if base not in variables.entries:
             continue
-        target = base if variables.entries[base].like.causality == "input" else f"{base}_0"
+        target = base if variables.entries[base].prototype.causality == "input" else f"{base}_0"
         entry = variables.entries.get(target)
-        if entry is None or entry.like.causality not in {"input", "parameter"}:
+        if entry is None or entry.prototype.causality not in {"input", "parameter"}:
             continue
         if index is None:
             configuration[target] = values.tolist()

@@ -46,7 +46,7 @@ Depends = Callable[[VariableReference, VariableReference], bool]
 _Vertex = TypeVar("_Vertex", bound=Hashable)
 
 
-def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
+def strong_components(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
     """Strongly connected components of the connection graph, in execution order; members as they were added.
 
     Components that are not connected stay in the order of addition.  (Kosaraju's algorithm.)
@@ -54,10 +54,10 @@ def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
     targets: dict[str, list[str]] = {name: [] for name in names}
     for target, source in dict.fromkeys((target, source) for (target, _), (source, _) in feeds.items()):
         targets[source].append(target)
-    return _strong(targets)
+    return _strong_vertices(targets)
 
 
-def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
+def _strong_vertices(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
     """Strongly connected components of a graph in topological order, their vertices as they are listed."""
     number = {node: k for k, node in enumerate(edges)}
     sources: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
@@ -105,7 +105,7 @@ def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReferen
         for input_ in inputs.get(source[0], ()):
             if depends(source, input_):
                 edges[input_].append(source)
-    return [_shortest_cycle(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
+    return [_shortest_cycle(group[0], set(group), edges) for group in _strong_vertices(edges) if len(group) > 1]
 
 
 def _shortest_cycle(
@@ -126,7 +126,7 @@ def _shortest_cycle(
 
 def execution_order(names: Iterable[str], feeds: Feeds) -> list[str]:
     """Components in execution order; in the order of addition within a cycle or without connections."""
-    return [name for group in groups(names, feeds) for name in group]
+    return [name for group in strong_components(names, feeds) for name in group]
 
 
 def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> list[VariableReference]:

@@ -82,14 +82,14 @@ class SimulationSettings:
 @final
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What is simulated, and how; made by :func:`checked`.
+    """What is simulated, and how; made by :func:`checked_simulation`.
 
     :param parts: by name, in the order of addition, with the start values that the coupling needs.
     :param recorded: name in the result -> variable.
     :param times: communication points [s]; with steps of adapted size the start, the end of the first step, the stop.
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
-    :param groups: strongly connected components of the connection graph, in execution order.
+    :param strong_components: those of the connection graph, in execution order.
     :param cyclic: components in cycles.
     :param single: whether it is of one FMU, whose variables have no prefix.
     :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
@@ -106,7 +106,7 @@ class Simulation:
     tolerance: float | None
     coupling: Coupling
     error_tolerance: float | None
-    groups: Sequence[Sequence[str]]
+    strong_components: Sequence[Sequence[str]]
     cyclic: Collection[str]
     single: bool = False
     adapts: bool = False
@@ -116,11 +116,11 @@ class Simulation:
     @cached_property
     def feeds(self) -> Feeds:
         """Input -> the output, or function of time, that feeds it."""
-        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
-        return driven | {connection.target.place: connection.source.place for connection in self.connections}
+        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.references, strict=True)}
+        return driven | {connection.target.reference: connection.source.reference for connection in self.connections}
 
     @cached_property
-    def prescribed(self) -> Collection[str]:
+    def chosen_reconstructions(self) -> Collection[str]:
         """Components outside of cycles whose inputs hold or extrapolate, as the user has said."""
         said = {name for name, part in self.parts.items() if part.approximation.is_prescribed}
         return said.difference(self.cyclic)
@@ -128,20 +128,20 @@ class Simulation:
     @cached_property
     def group_number(self) -> dict[str, int]:
         """Number of the strong component of each FMU."""
-        return {name: k for k, group in enumerate(self.groups) for name in group}
+        return {name: k for k, group in enumerate(self.strong_components) for name in group}
 
     @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
         """Input -> how it follows from the output that feeds it, where it is not the same."""
-        return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
+        return {c.target.reference: c.conversion for c in self.connections if c.conversion != SAME}
 
     @cached_property
-    def jumping(self) -> frozenset[str]:
+    def discrete_signals(self) -> frozenset[str]:
         """Names in the result of discrete variables."""
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
 
     @property
-    def ports(self) -> dict[str, PortNames]:
+    def renamed_ports(self) -> dict[str, PortNames]:
         """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
         ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
@@ -181,7 +181,7 @@ class Simulation:
         near: dict[VariableReference, str] = {}
         for c in self.connections:
             for port, other in ((c.source, c.target), (c.target, c.source)) if c.conversion == SAME else ():
-                near[port.place] = near.get(port.place) or other.variable.unit
+                near[port.reference] = near.get(port.reference) or other.variable.unit
         own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
         return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
 
@@ -190,7 +190,7 @@ class Simulation:
         return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
-def checked(
+def checked_simulation(
     title: str,
     parts: Components,
     connections: Sequence[Connection],
@@ -215,15 +215,18 @@ def checked(
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
     functions = name_dictionary("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
-        {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
+        {
+            variable_reference(title, parts, "input", name, single=single): function
+            for name, function in functions.items()
+        },
         parts,
         points[0],
     )
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
-    impulses = [connection for connection in connections if connection.impulsive]
-    connections = [connection for connection in connections if not connection.impulsive]
+    impulses = [connection for connection in connections if connection.is_impulse]
+    connections = [connection for connection in connections if not connection.is_impulse]
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
         chosen = checks.choose_coupling(graph, settings.coupling)
@@ -244,7 +247,7 @@ def checked(
         tolerance,
         chosen,
         error_tolerance,
-        graph.groups,
+        graph.strong_components,
         graph.cyclic,
         single=single,
         adapts=chooses and free and chosen in checks.ITERATING and not impulses,
@@ -320,7 +323,7 @@ class EndlessTimes(Sequence[float]):
         return math.inf if index == -1 else self.start_time + index * self.step_size
 
 
-def owned(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
+def variable_reference(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
     """Component and variable of a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
 
     :param label: kind of the name, for messages.
@@ -344,7 +347,7 @@ def with_start_values(
     """
     own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in parts.items()}
     for name, value in name_dictionary(f"{title}: start_values", start_values).items():
-        owner, variable = owned(title, parts, "start value", name, single=single)
+        owner, variable = variable_reference(title, parts, "start value", name, single=single)
         own[owner][variable] = value
     return {name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts.items()}
 
@@ -362,8 +365,8 @@ def _recorded(
     all_of = () if record is not None else [next(iter(parts))] if single else parts
     variables = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
     for full in (*names, *also):
-        owner, name = owned(title, parts, "record", full, single=single)
-        variables += [(owner, scalar) for scalar in parts[owner].recordable(name)]
+        owner, name = variable_reference(title, parts, "record", full, single=single)
+        variables += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
     return {variable[1] if single else ".".join(variable): variable for variable in variables}
 
 

@@ -74,13 +74,13 @@ class Drive:
     _known: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
 
     @property
-    def places(self) -> list[VariableReference]:
+    def references(self) -> list[VariableReference]:
         """References of its values on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
-    def right(self, t: float) -> Vector:
+    def right_limit(self, t: float) -> Vector:
         """Limits of its values from the right of t, to rounding, shape (inputs,)."""
-        return self(t + float(self.rounding(t)))
+        return self(t + float(self.break_margin(t)))
 
     def sample(self, times: Vector) -> Vector:
         """Its values at instants inside of steps, shape (*times, inputs).
@@ -96,7 +96,7 @@ class Drive:
             values = np.array([self(t) for t in instants])
         return values.reshape(*times.shape, -1)
 
-    def rounding(self, t: ArrayLike) -> Vector:
+    def break_margin(self, t: ArrayLike) -> Vector:
         """Distance [s] from a break at t beyond which rounding cannot bring a function back to its other side."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
@@ -107,8 +107,8 @@ class Drive:
         """
         self._begins.clear()
         value = self(t)
-        if self.among is None or np.any(np.abs(self.breaks - t) <= rounding(t)):
-            right = self.right(t)
+        if self.among is None or np.any(np.abs(self.breaks - t) <= time_rounding(t)):
+            right = self.right_limit(t)
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def save(self) -> dict[float, Vector]:
@@ -122,7 +122,7 @@ class Drive:
 
     def next_break(self, time: float) -> float | None:
         """First break of the function after an instant [s]; None if there is none."""
-        index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
+        index = int(np.searchsorted(self.breaks, time + time_rounding(time), side="right"))
         return float(self.breaks[index]) if index < len(self.breaks) else None
 
     def __call__(self, t: float) -> Vector:
@@ -155,7 +155,7 @@ class Drive:
         return values.reshape(-1)
 
 
-def rounding(time: float) -> float:
+def time_rounding(time: float) -> float:
     """Distance [s] within which two instants are the same."""
     return _ROUNDING * (1 + abs(time))
 
@@ -171,7 +171,7 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
     for (owner, driven_as), function in functions.items():
         part = parts[owner]
         port = Port(part, driven_as)
-        name = driven_as if port.exists else port.leading.name
+        name = driven_as if port.exists else port.value_port.name
         variable = part.scalar(name)
         if variable.causality != "input":
             words = f"{owner}.{name} is of causality {variable.causality!r}"
@@ -183,7 +183,7 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
             raise SimulationError(f"inputs: {words}; give a constant as start value")
         triple = part[name].triple()
         whole = triple is not None and evaluate(function, name, start_time).ndim > 0
-        inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
+        inputs = tuple(port.reference for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
         sources.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
     for fed, count in Counter(input_ for drive in sources for input_ in drive.inputs).items():
