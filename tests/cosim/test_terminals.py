@@ -233,4 +233,4 @@ def test_elements_of_an_array_are_ports_as_it_is() -> None:
 
 def _array(name: str, causality: str) -> Array:
     like = Scalar(name, 0, "Real", "Float64", causality, settable=False, start=None, unit="m")
-    return Array(like, (200,), (0,), (), (0,), whole=True)
+    return Array(like, (200,), (0,), (), (0,), is_variable=True)

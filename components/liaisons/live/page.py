@@ -67,7 +67,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
     step = speed / (2 * _FRAMES)
     for part in parts.values():
-        if part.fmu.next_event_time and "period" in part.fmu.variables:  # its samples are communication points
+        if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
     picture = combined_pictures({prefix: picture_of(part) for prefix, part in parts.items()})
@@ -147,7 +147,7 @@ def _component_data(
     ]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in stepped_before}
-    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
+    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_chosen)
     mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
     starts = part.element_starts

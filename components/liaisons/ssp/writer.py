@@ -123,7 +123,7 @@ def _with_solved_loops(
     :param start_time: [s].
     """
     graph = ConnectionGraph(parts, connections, ())
-    if not graph.loops:
+    if not graph.algebraic_loops:
         return dict(parts)
     settings = SimulationSettings(times=(start_time, start_time + _SHORT))
     try:

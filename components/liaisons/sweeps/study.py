@@ -76,7 +76,7 @@ class Study:
 
         contents = {path: hashlib.sha256(content).digest() for path, content in self.files().items()}
         for name, part in self.simulation.parts.items():
-            add(name, contents[part.fmu.path], sorted(part.starts.items()), *filter(None, [part.solver]))
+            add(name, contents[part.fmu.path], sorted(part.starts.items()))
         run = self.simulation
         add(sorted((c.source.reference, c.target.reference, *c.conversion) for c in run.connections))
         add(tuple(run.times), run.tolerance, run.coupling, list(self.varied), sorted(run.recorded))

@@ -183,7 +183,7 @@ class Node:
             self._slope_values += product
             return status
 
-        return self._instance.prepared("derive", add_feedthrough)
+        return self._instance.prepare_call("derive", add_feedthrough)
 
     def _input_derivatives_call(self, inputs_and_orders: Sequence[tuple[int, int]], values: Vector) -> Call:
         """A call that sets derivatives of inputs, of some order each, to values."""

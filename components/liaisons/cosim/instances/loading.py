@@ -1,4 +1,4 @@
-"""FMPy's classes as they are instantiated here.
+"""Subclasses of FMPy's classes whose instances share the functions of their library.
 
 FMPy looks up every function of FMI for each instance, which takes a millisecond and 50 kB, and refuses a library that
 lacks one.  Here the instances of a library share the functions, and a missing one raises its error when it is called.
@@ -23,7 +23,7 @@ _lock = RLock()
 
 @final
 class _Library(CDLL):
-    """A library in which every function can be looked up.
+    """A library in which a missing function raises an error when it is called, not when it is looked up.
 
     :ivar functions: those of FMI, by name, as FMPy calls them.
     :ivar users: number of instances.
@@ -38,11 +38,11 @@ class _Library(CDLL):
         try:
             return super().__getattr__(name)
         except AttributeError as error:
-            return _missing(str(error))
+            return _raising_function(str(error))
 
 
-def _missing(message: str) -> Callable[..., Any]:
-    """A function that raises an error, in place of one that a library lacks."""
+def _raising_function(message: str) -> Callable[..., Any]:
+    """Function that raises an AttributeError, for one that a library lacks."""
 
     def call(*_: object) -> None:
         raise AttributeError(message)
@@ -54,12 +54,13 @@ _libraries: dict[tuple[type, int | None], _Library] = {}
 
 
 class _Sharing:
-    """Shares the functions of a library with its other instances."""
+    """Shares the functions of a library among its instances."""
 
     dll: CDLL
     _functions: dict[str, Any]
 
     def _loadFunctions(self) -> None:  # noqa: N802 - FMPy's name
+        """Set the functions of the library, which FMPy looks up for its first instance."""
         key = type(self), self.dll._handle  # noqa: SLF001 - likewise
         library = _libraries.get(key) or _Library(self.dll)
         self.dll, self._functions = library, library.functions
@@ -69,7 +70,7 @@ class _Sharing:
         library.users += 1
 
     def freeLibrary(self) -> None:  # noqa: N802 - likewise
-        """Unload the library."""
+        """Unload the library, once for each instance."""
         assert isinstance(self.dll, _Library)
         with _lock:
             self.dll.users -= 1
@@ -102,16 +103,16 @@ class FMU3ModelExchange(_Sharing, FMU3Model):
 
 
 FmpyInstance = FMU2CoSimulation | FMU2ModelExchange | FMU3CoSimulation | FMU3ModelExchange
-"""What FMPy makes of an FMU."""
+"""Object of FMPy for an FMU."""
 
 Kind = TypeVar("Kind", bound=FmpyInstance)
 
 
-def load(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
-    """The FMU as an FMPy object, its library loaded, not yet instantiated.
+def load_fmu(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
+    """Load the library of an FMU; returns the FMPy object, not yet instantiated.
 
     :param name: instance name.
-    :param directory: where its file was extracted.
+    :param directory: folder of the extracted FMU.
     :raises OSError: if the library cannot be loaded.
     """
     folder = directory.resolve()

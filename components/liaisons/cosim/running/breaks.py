@@ -67,7 +67,7 @@ class Breaks:
         events = {
             name: event
             for name, part in parts.items()
-            if self.divides and name in sources and (event := part.fmu.next_event_time)
+            if self.divides and name in sources and (event := part.fmu.next_event_variable)
         }
         self.are_samples = not simulation.drives and all(parts[name].fmu.has_sampled_outputs for name in events)
         self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)

@@ -72,7 +72,7 @@ def input_reconstructions(
         signal = parts[owner].fmu.variables[variable]
         is_rate = Port(part, target[1]).motion_and_order()[1] > 0
         moves_nothing = is_rate and target not in effects and part.fmu.provides_directional_derivatives
-        if signal.type != "Real" or moves_nothing or part.approximation.samples or part.fmu.has_sampled_outputs:
+        if signal.type != "Real" or moves_nothing or part.approximation.holds_by_choice or part.fmu.has_sampled_outputs:
             continue
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only

@@ -119,7 +119,6 @@ class Run:
                     requests_intermediate_update=simulation.iterates
                     and part.approximation.interface == "intermediate update",
                     isolated=part.isolated,
-                    stiff=part.solver is not None,
                 )
                 self._instances[name] = stack.enter_context(instance)
             also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
@@ -160,7 +159,7 @@ class Run:
                 self._deviations,
                 self._estimate,
             )
-            reads_samples = any(parts[name].approximation.samples for name in fed)
+            reads_samples = any(parts[name].approximation.holds_by_choice for name in fed)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
             self._are_samples = self._breaks.are_samples and not (
                 self._estimate.can_estimate

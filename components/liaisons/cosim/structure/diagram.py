@@ -30,7 +30,7 @@ _COLUMNS = 6
 _LANE = 7
 """Distance of parallel arrows [px]."""
 _FREE = 4
-"""Largest number of unconnected ports of an FMU that are drawn."""
+"""Largest number of ports of one causality of an FMU that are drawn if they are not connected."""
 _LETTER = 6.0
 """Width of a character [px]."""
 
@@ -44,12 +44,12 @@ _STYLE = 'fill="none" stroke="currentColor" stroke-linejoin="round" font-family=
 @final
 @dataclass(frozen=True, slots=True)
 class Diagram:
-    """An SVG element; a notebook shows it."""
+    """A diagram as an SVG element, which notebooks show."""
 
     svg: str
 
     def write(self, path: Path | str) -> None:
-        """Write the file."""
+        """Write the SVG element to a file."""
         with replacement_path(Path(path)) as whole:
             whole.write_text(self.svg, encoding="utf-8")
 
@@ -70,7 +70,7 @@ class _Wire:
 @final
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Column and ports of an FMU, from above; inputs are left, outputs right."""
+    """Block of an FMU: column, and names of ports from above; inputs are left, outputs right."""
 
     part: SystemComponent
     column: int
@@ -79,11 +79,12 @@ class _Block:
 
     @property
     def height(self) -> int:
+        """Height [px]."""
         return _HEAD + _LINE * max(len(self.left), len(self.right))
 
 
-def diagram(name: str, parts: Components, connections: Collection[Connection]) -> Diagram:
-    """The block diagram of a system of this name."""
+def block_diagram(name: str, parts: Components, connections: Collection[Connection]) -> Diagram:
+    """Block diagram of a system, under its name."""
     feeds = {c.target.reference: c.source.reference for c in connections}
     forward = {c.target.reference: c.source.reference for c in connections if not c.is_reaction}
     groups = schedule.strong_components(parts, feeds)
@@ -92,8 +93,8 @@ def diagram(name: str, parts: Components, connections: Collection[Connection]) -
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
     blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
     corners, bottoms = _corners(blocks)
-    bodies = [_body(block, *corners[part], numbers[part], wires) for part, block in blocks.items()]
-    arrows = _arrows(wires, blocks, corners, bottoms)
+    bodies = [_block_svg(block, *corners[part], numbers[part], wires) for part, block in blocks.items()]
+    arrows = _arrow_svgs(wires, blocks, corners, bottoms)
     more = len(parts) - len(drawn)
     title = f"{name}, and {more} FMUs more" if more else name
     words = ["numbers: the order in which the FMUs are stepped"] if len(drawn) > 1 else []
@@ -101,20 +102,20 @@ def diagram(name: str, parts: Components, connections: Collection[Connection]) -
         words.append("those with the same number feed each other")
     legend = "; ".join(words)
     right = max((x for x, _ in corners.values()), default=_MARGIN) + _WIDTH + _MARGIN
-    width = max(right, 2 * _MARGIN + _LETTER * max(len(legend), len(_cut(title, 60))))
+    width = max(right, 2 * _MARGIN + _LETTER * max(len(legend), len(_shortened(title, 60))))
     height = max(bottoms, default=2 * _MARGIN) + (_SPACE if wires else 0)
     return Diagram(
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height}" width="{width:g}" {_STYLE}>{_ARROW}'
-        f"{_text(_MARGIN, 20, _cut(title, 60), bold=True)}{''.join(arrows)}{''.join(bodies)}"
-        f"{_text(_MARGIN, height - 10, legend, faint=True)}</svg>"
+        f"{_text_svg(_MARGIN, 20, _shortened(title, 60), bold=True)}{''.join(arrows)}{''.join(bodies)}"
+        f"{_text_svg(_MARGIN, height - 10, legend, faint=True)}</svg>"
     )
 
 
 def _wires(connections: Iterable[Connection]) -> list[_Wire]:
-    """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
+    """Arrows of a diagram, one for all connections of two ports, the reaction force included."""
     wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        ports = [_whole(port, back=c.is_reaction) for port in (c.source, c.target)]
+        ports = [_drawn_port(port, is_reaction=c.is_reaction) for port in (c.source, c.target)]
         points = [port.terminal.point for port in ports if port.terminal and port.triple()]
         joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
         names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
@@ -125,13 +126,13 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
     return list(wires.values())
 
 
-def _whole(port: Port, *, back: bool) -> Port:
-    """The value of the port that a variable is a member of; a force is itself unless it goes back with a port."""
-    return port.value_port if back or port.motion_and_order()[0] else port
+def _drawn_port(port: Port, *, is_reaction: bool) -> Port:
+    """Port that is drawn for the end of a connection: of value, rate, acceleration and reaction force, the value."""
+    return port.value_port if is_reaction or port.motion_and_order()[0] else port
 
 
-def _free(part: SystemComponent, causality: str) -> list[str]:
-    """Names of the ports of a causality, points instead of their components."""
+def _port_names(part: SystemComponent, causality: str) -> list[str]:
+    """Names of the ports of a causality with value, rate and acceleration; points instead of their components."""
     entries = part.fmu.variables.entries
     ports = [Port(part, name) for name in entries if entries[name].prototype.causality == causality]
     terminals = [port.terminal for port in ports if port.triple()]
@@ -144,26 +145,29 @@ def _blocks(
     pairs: Collection[tuple[str, str]],
     wires: Collection[_Wire],
 ) -> dict[str, _Block]:
-    """Blocks by name, each right of its sources, with connected ports and then a few others."""
-    before: dict[str, list[str]] = {}
+    """Blocks by name, each in a column right of its sources, with connected ports and then a few others.
+
+    :param pairs: names of source and target, for each pair of connected components.
+    """
+    sources: dict[str, list[str]] = {}
     for source, target in pairs:
-        before.setdefault(target, []).append(source)
+        sources.setdefault(target, []).append(source)
     blocks: dict[str, _Block] = {}
     for name in drawn:
         part = parts[name]
-        column = max((blocks[source].column + 1 for source in before.get(name, ()) if source in blocks), default=0)
+        column = max((blocks[source].column + 1 for source in sources.get(name, ()) if source in blocks), default=0)
         ends = [wire.target[1] for wire in wires if wire.target[0] == name]
         begins = [wire.source[1] for wire in wires if wire.source[0] == name]
         left, right = (
             list(dict.fromkeys([*used, *(free if len(free) <= _FREE else ())]))
-            for used, free in ((ends, _free(part, "input")), (begins, _free(part, "output")))
+            for used, free in ((ends, _port_names(part, "input")), (begins, _port_names(part, "output")))
         )
         blocks[name] = _Block(part, column, left, right)
     return blocks
 
 
 def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], list[int]]:
-    """Upper left corners of the blocks, and the lower ends of the rows."""
+    """Upper left corner (x, y) of each block, and lower end of each row of blocks [px]."""
     corners: dict[str, tuple[int, int]] = {}
     bottoms: list[int] = []
     top = _MARGIN + 10
@@ -182,7 +186,8 @@ def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], 
     return corners, bottoms
 
 
-def _body(block: _Block, x: int, y: int, number: int, wires: Collection[_Wire]) -> str:
+def _block_svg(block: _Block, x: int, y: int, number: int, wires: Collection[_Wire]) -> str:
+    """SVG of a block at its upper left corner, with its number in execution order."""
     part = block.part
     starts = "\n".join(f"{name} = {value!r}" for name, value in part.starts.items())
     dashes = ' stroke-dasharray="5 3"' if part.isolated else ""
@@ -190,9 +195,11 @@ def _body(block: _Block, x: int, y: int, number: int, wires: Collection[_Wire]) 
     lines = [
         f"<title>{escape(starts)}</title>",
         f'<rect x="{x}" y="{y}" {size} rx="5" fill="currentColor" fill-opacity="0.07"{dashes}/>',
-        _text(x + 10, y + 17, _cut(part.name, 22), bold=True),
-        _text(x + _WIDTH - 10, y + 17, str(number), anchor="end", faint=True),
-        _text(x + 10, y + 32, _cut(f"{part.fmu.path.stem}{', isolated' if part.isolated else ''}", 24), faint=True),
+        _text_svg(x + 10, y + 17, _shortened(part.name, 22), bold=True),
+        _text_svg(x + _WIDTH - 10, y + 17, str(number), anchor="end", faint=True),
+        _text_svg(
+            x + 10, y + 32, _shortened(f"{part.fmu.path.stem}{', isolated' if part.isolated else ''}", 24), faint=True
+        ),
     ]
     most = int((_WIDTH - 24) / _LETTER)
     for side, names, anchor in ((0, block.left, "start"), (_WIDTH, block.right, "end")):
@@ -203,17 +210,17 @@ def _body(block: _Block, x: int, y: int, number: int, wires: Collection[_Wire]) 
             room = max(most // 2, most - len(opposite[k])) if k < len(opposite) else most
             fill = "currentColor" if used else "none"
             lines.append(f'<circle cx="{x + side}" cy="{at}" r="2.5" fill="{fill}"/>')
-            lines.append(_text(x + abs(side - 8), at + 4, _cut(name, room), anchor=anchor, faint=not used))
+            lines.append(_text_svg(x + abs(side - 8), at + 4, _shortened(name, room), anchor=anchor, faint=not used))
     return f"<g>{''.join(lines)}</g>"
 
 
-def _arrows(
+def _arrow_svgs(
     wires: Iterable[_Wire],
     blocks: Mapping[str, _Block],
     corners: Mapping[str, tuple[int, int]],
     bottoms: list[int],
 ) -> list[str]:
-    """Arrows to the next column directly, others below the blocks between."""
+    """SVG of each arrow: to the next column a curve, to others a line below the blocks between."""
     lanes = 0
     drawn = []
     for wire in wires:
@@ -236,12 +243,12 @@ def _arrows(
     return drawn
 
 
-def _cut(words: str, most: int) -> str:
-    """Shorten a text to this number of characters."""
-    return words if len(words) <= most else f"{words[: most - 1]}…"
+def _shortened(words: str, longest: int) -> str:
+    """Text that is cut to a number of characters."""
+    return words if len(words) <= longest else f"{words[: longest - 1]}…"
 
 
-def _text(x: float, y: float, words: str, *, bold: bool = False, faint: bool = False, anchor: str = "start") -> str:
+def _text_svg(x: float, y: float, words: str, *, bold: bool = False, faint: bool = False, anchor: str = "start") -> str:
     weight = ' font-weight="bold"' if bold else ""
     opacity = ' fill-opacity="0.65"' if faint else ""
     return (
