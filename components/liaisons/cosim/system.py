@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Self, final
 
@@ -314,19 +314,9 @@ class _SingleRun:
         **keywords: ArrayLike | OperatorFmu,
     ) -> _SingleRun:
         """System of an FMU and its operators, with start values and settings."""
+        arguments = locals()
         settings = SimulationSettings(
-            stop_time,
-            step_size,
-            start_time=start_time,
-            times=times,
-            tolerance=tolerance,
-            coupling=coupling,
-            error_tolerance=error_tolerance,
-            record=record,
-            inputs=inputs,
-            verify=verify,
-            progress=progress,
-            real_time=real_time,
+            **{setting.name: arguments[setting.name] for setting in fields(SimulationSettings)}
         )
         path = as_path("fmu", fmu)
         starts = merged_start_values(path.stem, start_values, keywords)

@@ -11,7 +11,7 @@ from contextlib import chdir
 from ctypes import CDLL
 from pathlib import Path
 from threading import RLock
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.fmi3 import FMU3Model, FMU3Slave
@@ -102,15 +102,10 @@ class FMU3ModelExchange(_Sharing, FMU3Model):
     """A Model Exchange FMU of FMI 3.0."""
 
 
-FmpyInstance = FMU2CoSimulation | FMU2ModelExchange | FMU3CoSimulation | FMU3ModelExchange
-"""Object of FMPy for an FMU."""
+def load_fmu(fmpy_class: Callable[..., Any], name: str, fmu: Fmu, directory: Path) -> Any:
+    """Load the library of an FMU; returns the object of FMPy, not yet instantiated.
 
-Kind = TypeVar("Kind", bound=FmpyInstance)
-
-
-def load_fmu(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
-    """Load the library of an FMU; returns the FMPy object, not yet instantiated.
-
+    :param fmpy_class: one of the classes above.
     :param name: instance name.
     :param directory: folder of the extracted FMU.
     :raises OSError: if the library cannot be loaded.
@@ -119,6 +114,6 @@ def load_fmu(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
     paths = {"unzipDirectory": str(folder), "libraryPath": str(folder / fmu.binary)}
     with _lock, chdir("."):  # FMPy loads in the folder of the library, and stays there if that fails
         try:
-            return kind(guid=fmu.guid, modelIdentifier=fmu.identifier, instanceName=name, **paths)
+            return fmpy_class(guid=fmu.guid, modelIdentifier=fmu.identifier, instanceName=name, **paths)
         except Exception as error:  # FMPy raises nothing more specific
             raise OSError(error.__context__ or error) from error

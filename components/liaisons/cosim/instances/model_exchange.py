@@ -92,9 +92,11 @@ class ModelExchange(Loaded, ABC):
                 if number not in range(_MOST_STATES):
                     raise SimulationError(f"{self.name}: says that it has {number} {noun}; ask its maker")
             self._nominals, self._indicators = np.ones(states), np.zeros(indicators)
-            self._set_time, self._set_states, *_ = map(self._function, self._solver_functions)
+            functions = [self._function(name) for name in self._solver_functions]
+            self._set_time, self._set_states, *_ = functions
             self._count = c_size_t(states)
-            self._explicit = self._make_dop853()
+            code = dop853.library()
+            self._explicit = code and Dop853(code, self._pointer, functions, states, self._indicators, self._tolerance)
         if self._solver is None or self._solver is not self._explicit:
             self._set_solver(self._explicit or self._make_cvode())
         self._iterate_events()
@@ -109,12 +111,6 @@ class ModelExchange(Loaded, ABC):
             self.derivatives_function,
             f"{prefix}GetEventIndicators",
         )
-
-    def _make_dop853(self) -> Dop853 | None:
-        """The explicit solver; None without a C compiler."""
-        code, functions = dop853.library(), [self._function(name) for name in self._solver_functions]
-        size, signs = self._count.value, self._indicators
-        return code and Dop853(code, self._pointer, functions, size, signs, self._tolerance)
 
     def _make_cvode(self) -> Cvode:
         """The implicit solver.

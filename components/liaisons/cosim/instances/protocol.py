@@ -28,7 +28,7 @@ from liaisons.cosim.instances.buffer_layouts import (
     layouts_by_type,
     value_references,
 )
-from liaisons.cosim.instances.loading import FmpyInstance, load_fmu
+from liaisons.cosim.instances.loading import load_fmu
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, SUCCESS, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
@@ -159,7 +159,7 @@ class Loaded(Instance):
     """
 
     prefix: ClassVar[str]
-    fmpy_class: ClassVar[type[FmpyInstance]]
+    fmpy_class: ClassVar[Callable[..., Any]]
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
     takes_size: ClassVar[bool]  # whether functions that get and set take the number of values
@@ -175,7 +175,7 @@ class Loaded(Instance):
         self._states: list[c_void_p] = []
         self._functions: dict[str, Callable[..., int]] = {}
         try:
-            self.fmpy_instance: Any = load_fmu(self.fmpy_class, name, fmu, directory)
+            self.fmpy_instance = load_fmu(self.fmpy_class, name, fmu, directory)
         except OSError as error:
             raise SimulationError(f"{name}: the library of {fmu.path.name} cannot be loaded: {error}") from error
         # loggingOn enables all categories; those of OK are not used

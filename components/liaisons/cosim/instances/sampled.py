@@ -81,8 +81,11 @@ class SampledInstance(Instance):
         return self.prepare_call("step", self._step, time, size)
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
-        saved: list[_State] = []
-        return self.prepare_call("save", self._save, saved), self.prepare_call("restore", self._restore, saved)
+        saved = [self._state]
+        return (
+            self.prepare_call("save", lambda: saved.__setitem__(0, self._state)),
+            self.prepare_call("restore", lambda: setattr(self, "_state", saved[0])),
+        )
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
@@ -146,12 +149,4 @@ class SampledInstance(Instance):
             self._error = f"a sample lies inside the step from t = {time.value:.10g} s of {size.value:.10g} s"
             return ERROR
         self._state = replace(self._state, time=end, is_pending=not self._inputs)
-        return 0
-
-    def _save(self, saved: list[_State]) -> int:
-        saved[:] = [self._state]
-        return 0
-
-    def _restore(self, saved: list[_State]) -> int:
-        (self._state,) = saved
         return 0

@@ -173,7 +173,7 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
         partial = {name for name, variable in connected if not _rates_are_fed(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
         return {
-            name: part.interpolating_copy() if name in able and _may_interpolate(part) else part
+            name: part.interpolating_copy() if name in able and _extrapolates_by_default(part) else part
             for name, part in parts.items()
         }
     fed = {name for name, _ in feeds}
@@ -192,7 +192,7 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
     return ready
 
 
-def _may_interpolate(part: SystemComponent) -> bool:
+def _extrapolates_by_default(part: SystemComponent) -> bool:
     """Whether a component extrapolates its inputs by default, not by a start value, and is not sampled."""
     return (
         not part.fmu.has_sampled_outputs and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from numbers import Real
@@ -173,7 +174,10 @@ class SystemComponent:
     @cached_property
     def approximation(self) -> InputApproximation:
         """Approximation of its inputs within a communication step."""
-        fmu, method = self.fmu, self._input_reconstruction()
+        fmu, variable, method = self.fmu, self.fmu.variables.get(INPUT_RECONSTRUCTION), None
+        if variable is not None and variable.type == "Integer" and not fmu.is_model_exchange:
+            with suppress(ValueError):  # an FMU of another tool
+                method = int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
         interface: InputInterface = "derivatives" if fmu.input_derivatives else "mean value"
         if method == 2:
             interface = "end value"
@@ -183,16 +187,6 @@ class SystemComponent:
             interface = "intermediate update"
         is_chosen = INPUT_RECONSTRUCTION in self.starts and method in {0, 1}
         return InputApproximation(method, is_chosen, interface, method is not None or fmu.is_model_exchange)
-
-    def _input_reconstruction(self) -> int | None:
-        """Value of the parameter ``input_reconstruction``; None without it, and in Model Exchange."""
-        variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
-        if variable is None or variable.type != "Integer" or self.fmu.is_model_exchange:
-            return None
-        try:
-            return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
-        except ValueError:  # not one of ours after all
-            return None
 
     def interpolating_copy(self) -> SystemComponent:
         """Copy that interpolates its inputs."""

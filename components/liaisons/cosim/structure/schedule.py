@@ -186,8 +186,7 @@ class _ProgramWriter:
         self._new: set[VariableReference] = set()
         self._old_inputs: dict[str, set[VariableReference]] = {}  # of components that were read
         self._position = {name: k for k, name in enumerate(ordered)}
-        self._ready: list[tuple[int, str]] = []  # components whose old inputs all may be set to new values, a heap
-        self._partly_ready: list[tuple[int, str]] = []  # components of which some may, a heap
+        self._ready: list[tuple[bool, int, str]] = []  # heap of components that new outputs feed; True: in part
 
     def append_set(self, name: str) -> None:
         """Append an operation that sets the inputs of a component."""
@@ -217,11 +216,9 @@ class _ProgramWriter:
             self._queue_component(name)
 
     def _queue_component(self, name: str) -> None:
-        """Add a component to the heaps if old inputs of it may be set to new values."""
+        """Add a component to the heap if old inputs of it can be set to new values."""
         if count := self._count_settable(name):
-            heappush(self._partly_ready, (self._position[name], name))
-            if count == len(self._old_inputs[name]):
-                heappush(self._ready, (self._position[name], name))
+            heappush(self._ready, (count < len(self._old_inputs[name]), self._position[name], name))
 
     def _count_settable(self, name: str) -> int:
         """Number of old inputs of a component that new outputs feed."""
@@ -229,18 +226,19 @@ class _ProgramWriter:
 
     def refresh(self) -> None:
         """Append the operations that set and read components all of whose old inputs can be set to new values."""
-        while self._ready:
-            _, name = heappop(self._ready)
-            if name in self._old_inputs and self._count_settable(name) == len(self._old_inputs[name]):
+        while self._ready and not self._ready[0][0]:
+            *_, name = heappop(self._ready)
+            if (count := self._count_settable(name)) and count == len(self._old_inputs[name]):
                 self._set_and_get(name)
 
     def finish(self) -> list[Operation]:
         """Append operations until no input is old, with one sweep in a cycle; returns all that are needed."""
         self.refresh()
         while self._old_inputs:
-            partly = self._pop_partly_ready()
-            if partly is not None:
-                self._set_and_get(partly)
+            if self._ready:
+                *_, name = heappop(self._ready)
+                if self._count_settable(name):
+                    self._set_and_get(name)
             else:  # an algebraic loop: start with old values
                 first = min(self._old_inputs, key=self._position.__getitem__)
                 self._mark_new(
@@ -248,14 +246,6 @@ class _ProgramWriter:
                 )
             self.refresh()
         return self._needed_operations()
-
-    def _pop_partly_ready(self) -> str | None:
-        """Remove the first partly ready component from the heap, and return it; None if there is none."""
-        while self._partly_ready:
-            _, name = heappop(self._partly_ready)
-            if self._count_settable(name):
-                return name
-        return None
 
     def _set_and_get(self, name: str) -> None:
         self.append_set(name)

@@ -77,10 +77,6 @@ class Drive:
         """References of the values of the function on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
-    def right_limit(self, t: float) -> Vector:
-        """Limits of the values from the right of t, to rounding, shape (inputs,)."""
-        return self(t + float(self.break_margin(t)))
-
     def sample(self, times: Vector) -> Vector:
         """Values at instants inside of steps, shape (*times, inputs).
 
@@ -107,7 +103,7 @@ class Drive:
         self._begins.clear()
         value = self(t)
         if self.among is None or np.any(np.abs(self.breaks - t) <= time_rounding(t)):
-            right = self.right_limit(t)
+            right = self(t + float(self.break_margin(t)))
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def save(self) -> dict[float, Vector]:
