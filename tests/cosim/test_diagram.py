@@ -58,14 +58,13 @@ def test_a_system_draws_its_fmus_and_what_is_connected(fmu: FmuPaths) -> None:
     assert _texts(picture)[-1] == "numbers: the order in which the FMUs are stepped"
 
 
-def test_long_chains_are_broken_and_no_block_lies_on_another(component: FmuPaths) -> None:
+def test_no_block_lies_on_another(component: FmuPaths) -> None:
     names = [f"p{k}" for k in range(15)]
     system = System("chain")
     parts = [system.add(name, component("Pendulum")) for name in names]
     for upper, lower in pairwise(parts):
         system.connect(upper["bob"], lower["pivot"])
     picture = _drawn(system)
-    assert float(picture.get("width", "")) < 1500
     assert len(_arrows(picture)) == 14
     places = list(_blocks(picture).values())
     for k, (left, top, right, bottom) in enumerate(places):

@@ -184,7 +184,9 @@ def test_coupling_without_a_compiler_is_explicit(component, monkeypatch, caplog,
         in caplog.text
     )
     _assert_same_bits(first, system.simulate(0.02, 0.01, inputs=inputs, coupling="gauss-seidel"))
-    with pytest.raises(SimulationError, match="coupling = 'implicit' is made by compiled code, and no C compiler"):
+    with pytest.raises(
+        SimulationError, match="coupling = 'implicit' repeats steps by compiled code, but no C compiler"
+    ):
         system.simulate(0.02, 0.01, inputs=inputs, coupling="implicit")
 
 

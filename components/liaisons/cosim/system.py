@@ -103,6 +103,7 @@ class System:
 
     def _connect_variables(self, part: SystemComponent, variables: Mapping[str, str]) -> None:
         """Connect ports with variables ``"component.variable"`` of others; on an error, remove the component."""
+        before = dict(self._connections)
         try:
             for port, name in variables.items():
                 owner, dot, variable = name.partition(".")
@@ -113,9 +114,7 @@ class System:
                     self.connect(part[port], self._parts[owner][variable])
         except LiaisonsError:
             del self._parts[part.name]
-            self._connections = {
-                place: c for place, c in self._connections.items() if part not in (c.source.part, c.target.part)
-            }
+            self._connections = before
             raise
 
     def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> SystemComponent:

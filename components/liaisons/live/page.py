@@ -19,6 +19,7 @@ from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.fmu import read_description
 from liaisons.cosim.description.model_description import Attributes
 from liaisons.cosim.structure.components import Port
+from liaisons.cosim.structure.connections import feeds_of
 from liaisons.cosim.structure.scenes import connected_groups, picture_of
 from liaisons.cosim.structure.schedule import execution_order
 from liaisons.errors import SimulationError
@@ -55,7 +56,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
     for part in parts.values():
         part.fmu.require_file("a live page")
-    feeds = {connection.target.reference: connection.source.reference for connection in connections}
+    feeds = feeds_of(connections)
     ordered = list(execution_order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, Literal, TypeVar, final
+from typing import IO, Literal, final
 
 import fmpy
 
@@ -24,8 +25,6 @@ LONGEST = 1000
 
 DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
-
-_T = TypeVar("_T")
 
 
 @final
@@ -187,8 +186,8 @@ def read(
 
 @lru_cache(maxsize=64)
 def _read(path: Path, sizes: tuple[tuple[str, int], ...], prefers: str, *_identity: int) -> Fmu:
-    with Archive(path) as archive:
-        return _read_from(archive, lambda file: _make_fmu(path, archive, parse(file, dict(sizes)), prefers))
+    with Archive(path) as archive, _open_description(archive) as file:
+        return _make_fmu(path, archive, parse(file, dict(sizes)), prefers)
 
 
 def read_description(path: Path) -> Description:
@@ -196,17 +195,18 @@ def read_description(path: Path) -> Description:
 
     :raises SimulationError: as :func:`read`, but other files of the FMU are not checked.
     """
-    with Archive(path) as archive:
-        return _read_from(archive, lambda file: parse(file, {}, keeps_attributes=True))
+    with Archive(path) as archive, _open_description(archive) as file:
+        return parse(file, {}, keeps_attributes=True)
 
 
-def _read_from(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
-    """Result of a function of the opened model description of an archive."""
+@contextmanager
+def _open_description(archive: Archive) -> Iterator[IO[bytes]]:
+    """Open the model description of an archive, and name its path in errors of reading it."""
     if DESCRIPTION not in archive.names:
         raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
     with archive.open(DESCRIPTION) as file:
         try:
-            return read(file)
+            yield file
         except ValueError as error:
             reason = " ".join(str(error).split())
             raise SimulationError(f"{archive.path}: its {DESCRIPTION} cannot be read: {reason}") from error
@@ -228,6 +228,10 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
             raise ValueError(f"fmiModelDescription has no {attribute!r}")
     if "modelIdentifier" not in kind:
         raise ValueError(f"{name} has no 'modelIdentifier'")
+
+    def is_true(*names: str) -> bool:  # FMI 2.0 and 3.0 differ in some names
+        return any(kind.get(attribute) in {"true", "1"} for attribute in names)
+
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
@@ -237,23 +241,16 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
         states=description.states,
         continuous_states=description.continuous_states,
         indicators=int(root.get("numberOfEventIndicators") or 0),
-        needs_completed_step=_is_true(
-            kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep"
-        )
-        != two,
+        needs_completed_step=is_true("completedIntegratorStepNotNeeded", "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
         binary=_binary_path(path, archive, kind["modelIdentifier"], is_fmi_2=two),
-        variable_step=is_model_exchange or _is_true(kind, "canHandleVariableCommunicationStepSize"),
-        can_get_and_set_state=_is_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
-        provides_directional_derivatives=_is_true(
-            kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"
-        ),
-        input_derivatives=is_model_exchange or (two and _is_true(kind, "canInterpolateInputs")),
-        takes_intermediate_inputs=not two
-        and _is_true(kind, "providesIntermediateUpdate")
-        and not description.fixed_inputs,
+        variable_step=is_model_exchange or is_true("canHandleVariableCommunicationStepSize"),
+        can_get_and_set_state=is_true("canGetAndSetFMUstate", "canGetAndSetFMUState"),
+        provides_directional_derivatives=is_true("providesDirectionalDerivative", "providesDirectionalDerivatives"),
+        input_derivatives=is_model_exchange or is_true("canInterpolateInputs"),
+        takes_intermediate_inputs=is_true("providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=1 if is_model_exchange else int(kind.get("maxOutputDerivativeOrder", 0)),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),
@@ -264,10 +261,6 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
         _outputs=description.outputs,
         _initial=initial,
     )
-
-
-def _is_true(attributes: Mapping[str, str], name: str) -> bool:
-    return attributes.get(name, "false") in {"true", "1"}
 
 
 def _default_experiment(attributes: Mapping[str, str]) -> DefaultExperiment:

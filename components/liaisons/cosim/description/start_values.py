@@ -61,9 +61,9 @@ def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict
 
     :raises SimulationError: for one that cannot be set, or a value that is no integer.
     """
-    scalars = {name: entry.prototype for name in starts if (entry := fmu.variables.entries.get(name))}
-    changed = [name for name, like in scalars.items() if like.is_structural and like.type == "Integer"]
-    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
+    scalars = {name: entry for name in starts if isinstance(entry := fmu.variables.entries.get(name), Scalar)}
+    changed = [name for name, scalar in scalars.items() if scalar.is_structural and scalar.type == "Integer"]
+    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed}
 
 
 def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:

@@ -130,11 +130,8 @@ class Terminals:
             return
         entries = [variables.entry(name) for name in motion]
         kinds = {(entry.prototype.type, entry.prototype.causality, entry.shape) for entry in entries}
-        if (
-            len(kinds) == 1
-            and entries[0].prototype.type == "Real"
-            and entries[0].prototype.causality in {"input", "output"}
-        ):
+        kind, causality, _ = kinds.pop()
+        if not kinds and kind == "Real" and causality in {"input", "output"}:
             usual, force = port_names(motion[0]), terminal.force or ""
             if motion != usual[:3] or force not in {"", usual.force, usual.load}:
                 self.renamed[motion[0]] = PortNames(*motion, force, "", "", "")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar, final
+from typing import ClassVar, Literal, TypeVar, final
 
 from liaisons.base.array_names import Shape, array_and_index, element_indices, element_offset
 
@@ -49,6 +49,8 @@ class Scalar:
     index: int = 0
     position: int = 0
     continuous: bool = True
+    shape: ClassVar[Shape] = ()
+    size: ClassVar[int] = 1
 
     @property
     def is_structural(self) -> bool:
@@ -59,14 +61,6 @@ class Scalar:
     def prototype(self) -> Scalar:
         """The scalar with the attributes that all elements share: the scalar itself."""
         return self
-
-    @property
-    def shape(self) -> Shape:
-        return ()
-
-    @property
-    def size(self) -> int:
-        return 1
 
     @property
     def references(self) -> Sequence[int]:

@@ -30,21 +30,6 @@ _ONE_STEP = 2
 _NEGATIVE = -np.finfo(float).tiny
 
 
-def _c_function(library: c.CDLL, name: str, *arguments: type) -> Callable[..., int]:
-    """Function of a library, with the types of its arguments."""
-    function = library[name]
-    function.argtypes = arguments
-    return function
-
-
-_clear_handlers = _c_function(sundials_core, "SUNContext_ClearErrHandlers", c.c_void_p)
-_free_context = _c_function(sundials_core, "SUNContext_Free", c.c_void_p)
-_free_matrix = _c_function(sundials_core, "SUNMatDestroy", c.c_void_p)
-_free_linear_solver = _c_function(sundials_core, "SUNLinSolFree", c.c_void_p)
-_set_warnings = _c_function(sundials_cvode, "CVodeSetMaxHnilWarns", c.c_void_p, c.c_int)
-_set_stop_time = _c_function(sundials_cvode, "CVodeSetStopTime", c.c_void_p, c.c_double)
-
-
 @final
 class _Data(dict[bytes, int]):
     """Address of the numbers of a vector of SUNDIALS, by the address of the vector; neither changes."""
@@ -93,9 +78,9 @@ class Cvode(CVodeSolver):
         except Exception as error:  # FMPy raises nothing more specific
             raise RefusedError(f"CVODE: {error}") from error
         self.states = np.ctypeslib.as_array(self.px, (self.nx,))[:size]
-        _clear_handlers(self.sunctx)  # the one below FMPy's would write to the terminal
+        sundials_core.SUNContext_ClearErrHandlers(self.sunctx)  # the one below FMPy's would write to the terminal
         SUNContext_PushErrHandler(self.sunctx, self.ehfun_, None)
-        self._check(_set_warnings(self.cvode_mem, -1))
+        self._check(sundials_cvode.CVodeSetMaxHnilWarns(c.c_void_p(self.cvode_mem), -1))
 
     def f(self, t: float, y: Any, ydot: Any, user_data: object) -> Any:  # noqa: ARG002 - FMPy's name
         """Write the derivatives of the states; returns the status."""
@@ -130,7 +115,7 @@ class Cvode(CVodeSolver):
         :returns: its end [s], and whether an indicator has changed its sign there.
         :raises RefusedError: if no step has an error that is small enough.
         """
-        self._check(_set_stop_time(self.cvode_mem, stop))
+        self._check(sundials_cvode.CVodeSetStopTime(c.c_void_p(self.cvode_mem), c.c_double(stop)))
         status = CVode(self.cvode_mem, stop, self.x, c.byref(self._time), _ONE_STEP)
         self._check(status)
         return self._time.value, status == CV_ROOT_RETURN
@@ -139,11 +124,11 @@ class Cvode(CVodeSolver):
         """Release the memory of the solver; call it once."""
         memory, self.cvode_mem = c.c_void_p(self.cvode_mem), None  # FMPy releases it when it is collected, too
         CVodeFree(c.byref(memory))
-        _free_linear_solver(self.LS)
-        _free_matrix(self.A)
+        sundials_core.SUNLinSolFree(c.c_void_p(self.LS))
+        sundials_core.SUNMatDestroy(c.c_void_p(self.A))
         for vector in (self.x, self.abstol):
             N_VDestroy_Serial(vector)
-        _free_context(c.byref(self.sunctx))
+        sundials_core.SUNContext_Free(c.byref(self.sunctx))
 
     def _check(self, status: int) -> None:
         """Raise an error if CVODE returned a negative status."""

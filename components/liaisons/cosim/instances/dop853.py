@@ -98,6 +98,7 @@ class Dop853:
     :param signs: event indicators as the caller read them last, shape (indicators,).
     :param tolerance: tolerance relative to states and to their nominal values.
     :ivar states: shape (size,).
+    :ivar equations: structure of compiled code, with the last call that the FMU refused.
     :ivar stiff: whether stability limited the last step.
     """
 
@@ -113,30 +114,20 @@ class Dop853:
         self._code, self.stiff = code, False
         self.states, self._low, self._size = np.zeros(size), np.zeros(size), np.ones(size)
         addresses = [instance.value, *(c.cast(function, c.c_void_p).value for function in functions)]
-        self._equations = _Equations(*addresses, size, signs.size, tolerance)
-        self._equations.point(y=self.states, low=self._low, size=self._size, signs=signs)
-        self._equations.point(numbers=np.zeros(code.dop853_room(size, signs.size)))
+        self.equations = _Equations(*addresses, size, signs.size, tolerance)
+        self.equations.point(y=self.states, low=self._low, size=self._size, signs=signs)
+        self.equations.point(numbers=np.zeros(code.dop853_room(size, signs.size)))
         self._motion: InputMotion | None = None
-
-    @property
-    def refusal(self) -> tuple[int, int]:
-        """Number of the refused function, 1 to 5: time, inputs, states, derivatives, indicators; and its status."""
-        return self._equations.function, self._equations.status
-
-    @property
-    def last_time(self) -> float:
-        """Last time to which the solver set the FMU [s]."""
-        return self._equations.at
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
         """Restart the solver at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
-        e = self._equations
+        e = self.equations
         self._low[:], self._size[:] = 0.0, nominals
         e.time, e.step, e.met, e.missed, self.stiff = time, 0.0, 0, 0, False
 
     def set_motion(self, motion: InputMotion | None) -> None:
         """Set the polynomials that inputs follow in the next steps; None: inputs are constant."""
-        e = self._equations
+        e = self.equations
         if motion is None:
             e.put = None
             return
@@ -151,22 +142,22 @@ class Dop853:
         """Make one step, to ``stop`` [s] at most.
 
         :returns: its end [s], and whether an indicator has changed its sign there.
-        :raises RefusedError: if the FMU refuses a call, see :attr:`refusal`, or no step is small enough.
+        :raises RefusedError: if the FMU refuses a call, see :attr:`equations`, or no step is small enough.
         """
-        outcome = self._code.dop853_step(c.byref(self._equations), stop)
+        outcome = self._code.dop853_step(c.byref(self.equations), stop)
         if outcome in {_HARD, _REFUSED}:
             raise RefusedError("no step is small enough")
         self.stiff = outcome == _STIFF
-        return self._equations.time, outcome == _EVENT
+        return self.equations.time, outcome == _EVENT
 
     def save(self) -> SolverState:
         """State of the solver, for :meth:`restore`."""
-        e = self._equations
+        e = self.equations
         return e.time, e.step, self.states.copy(), self._low.copy()
 
     def restore(self, saved: SolverState) -> None:
         """Return to a saved state."""
-        e = self._equations
+        e = self.equations
         e.time, e.step, self.states[:], self._low[:] = saved
         e.met = e.missed = 0
 

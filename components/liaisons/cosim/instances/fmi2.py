@@ -6,7 +6,6 @@ from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
-from itertools import count
 from typing import ClassVar, final
 
 import fmpy
@@ -27,8 +26,7 @@ from liaisons.cosim.instances.loading import FMU2CoSimulation
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Scalars
 from liaisons.errors import SimulationError
 
-_handles = count(1)
-_instances: dict[int, Instance2] = {}
+_instances: dict[int, Instance2] = {}  # by their ids, which are the environments of their callbacks
 
 
 class Instance2(Loaded, ABC):
@@ -51,9 +49,8 @@ class Instance2(Loaded, ABC):
     transfer_kind = TRANSFER_2
 
     def _instantiate(self) -> None:
-        self._handle = next(_handles)
-        _instances[self._handle] = self
-        self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
+        _instances[id(self)] = self
+        self.fmpy_instance.instantiate(callbacks=_callbacks(id(self)), loggingOn=True)
 
     def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = _reference_array(unknowns), _reference_array(knowns)
@@ -64,7 +61,7 @@ class Instance2(Loaded, ABC):
         return call.set_record(DERIVE_2, self._pointer.value, **record)
 
     def _close_private(self) -> None:
-        _instances.pop(self._handle, None)
+        _instances.pop(id(self), None)
         with suppress(AttributeError):
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
             # go of it before; it takes hold of it again when it is needed
@@ -126,9 +123,9 @@ _allocate = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
 _release = fmi2CallbackFreeMemoryTYPE(fmpy.free)
 
 
-def _callbacks(handle: int) -> fmi2CallbackFunctions:
-    """Callback functions of an instance, whose environment is its handle."""
-    callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=handle)
+def _callbacks(environment: int) -> fmi2CallbackFunctions:
+    """Callback functions of an instance, whose environment is its id."""
+    callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=environment)
     # The proxy formats the variadic message.  It remembers one logger for the whole process, the last that was added:
     # hence one logger for all instances, told apart by the environment, and added anew each time.
     addLoggerProxy(byref(callbacks))

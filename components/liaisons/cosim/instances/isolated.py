@@ -80,9 +80,6 @@ class Isolated(Instance):
     def exit_initialization(self) -> None:
         self._ask(f"fmi{self._fmu.version}ExitInitializationMode", "exit_initialization")
 
-    def reset(self) -> None:
-        self._ask("its reset", "reset")
-
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         return self._prepare("get", "getter", variables, received=values)
 

@@ -300,11 +300,12 @@ class ModelExchange(Loaded, ABC):
 
     def _check_last_call(self, solver: Dop853) -> None:
         """Raise the error of the call of the FMU that ended a step of the solver, if one did."""
-        which, status = solver.refusal
-        if which:
+        equations = solver.equations
+        if equations.function:
             time, *others = self._solver_functions
-            self._clock.value = solver.last_time
-            self._check((time, self.functions["set"], *others)[which - 1], status, self._time_text())
+            self._clock.value = equations.at
+            function = (time, self.functions["set"], *others)[equations.function - 1]
+            self._check(function, equations.status, self._time_text())
 
     def _restart_if_stale(self) -> Cvode | Dop853:
         """Restart the solver if the states may have changed; returns the solver."""

@@ -62,7 +62,7 @@ class Instance(ABC):
 
     @abstractmethod
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        """Set start values, and enter initialization mode.
+        """Set start values, and enter initialization mode; in another run, the caller has restored the state before it.
 
         :param tolerance: relative tolerance of the FMU's solver; None: its default.
         :param stop_time: [s]; infinite: the FMU is told none.
@@ -75,10 +75,6 @@ class Instance(ABC):
     @abstractmethod
     def exit_initialization(self) -> None:
         """Exit initialization mode; steps may follow."""
-
-    @abstractmethod
-    def reset(self) -> None:
-        """Prepare for another initialization; the caller then restores the state from before the first one."""
 
     @abstractmethod
     def getter(self, variables: Scalars, values: Numbers) -> Call:
@@ -199,7 +195,7 @@ class Loaded(Instance):
         """Instantiate the FMU by FMPy."""
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        ends = math.isfinite(stop_time)
+        self._initialized, ends = False, math.isfinite(stop_time)
         experiment = tolerance is not None, tolerance or 0.0, start_time, ends, stop_time if ends else 0.0
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
@@ -276,9 +272,6 @@ class Loaded(Instance):
         save, restore = self._prepare("save", byref(state)), self._prepare("restore", state)
         address = self._pointer.value
         return save.set_record(SAVE, address, values=state), restore.set_record(RESTORE, address, values=state)
-
-    def reset(self) -> None:
-        self._initialized = False
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         end = self._requested_end_time() if action == "step" and status == DISCARD else None

@@ -49,17 +49,13 @@ class SampledInstance(Instance):
         self.name, self._function = name, fmu.function
         self._inputs, self._outputs = list(fmu.function.inputs), list(fmu.function.outputs)
         self._error = ""
-        self.reset()
-
-    def reset(self) -> None:
-        start = np.zeros(len(self._outputs)), self._function.state
-        self._state = _State(np.zeros(len(self._inputs)), start, start)
+        start = np.zeros(len(self._outputs)), fmu.function.state
+        self._state = self._start = _State(np.zeros(len(self._inputs)), start, start)
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:  # noqa: ARG002 - it has no solver
-        self.reset()
         function = self._function
         last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
-        self._state = replace(self._state, time=start_time, last=last)
+        self._state = replace(self._start, inputs=self._start.inputs.copy(), time=start_time, last=last)
         for name, value in starts.items():
             self.assign(name, value)
 

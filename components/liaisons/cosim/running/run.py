@@ -217,8 +217,6 @@ class Run:
         begin, end = simulation.times[0], simulation.times[-1]
         self._loop.truncate(0)
         self._errors: list[float] = []  # of steps between communication points
-        for instance in self._instances.values():
-            instance.reset()
         bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
         self._deviations.memory.reset()

@@ -17,7 +17,7 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Components, Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.errors import SimulationError
 
@@ -41,7 +41,7 @@ class ConnectionGraph:
     @cached_property
     def feeds(self) -> Feeds:
         """Reference of each connected input -> reference of the output that feeds it."""
-        return {connection.target.reference: connection.source.reference for connection in self.connections}
+        return feeds_of(self.connections)
 
     @cached_property
     def strong_components(self) -> Sequence[Sequence[str]]:
@@ -78,27 +78,24 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
         check_choice("coupling", requested, get_args(Coupling))
     parts, connections = graph.parts, graph.connections
     cycles = [group for group in graph.strong_components if len(group) > 1]
-    stuck = [name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state]
-    if requested in ITERATING:
-        if stuck:
-            raise SimulationError(
-                f"coupling = {requested!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
-                "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
-            )
-        if compiled.step_library() is None:
-            raise SimulationError(
-                f"coupling = {requested!r} is made by compiled code, and {no_compiler_message()}; "
-                "or choose coupling='gauss-seidel'"
-            )
-        return requested
     two_ways = [connection for connection in connections if connection.is_reaction]
-    hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
-    hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if requested is None and (two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))):
+    reduces_error = two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))
+    if requested in ITERATING or (requested is None and reduces_error):
+        stuck = (name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state)
+        hurdles = [
+            f"{name} ({parts[name].fmu.path.name}) cannot go back: canGetAndSetFMUstate is false" for name in stuck
+        ]
+        if requested is None:
+            hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
         if compiled.step_library() is None:
             hurdles.append(no_compiler_message())
         if not hurdles:
-            return "implicit"
+            return requested or "implicit"
+        if requested is not None:
+            raise SimulationError(
+                f"coupling = {requested!r} repeats steps by compiled code, but {hurdles[0]}; or choose "
+                "coupling='gauss-seidel'"
+            )
         logger.warning(
             "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
             two_ways[0].source if two_ways else "a signal",

@@ -22,6 +22,7 @@ from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import RECORDED, Scalar
 from liaisons.cosim.structure.components import Port
+from liaisons.cosim.structure.schedule import Feeds
 from liaisons.errors import ConnectError
 
 
@@ -49,6 +50,11 @@ class Connection:
         factor, offset = (f"{number:.10g}" for number in self.conversion)
         times, plus = ("" if factor == "1" else f"{factor} * "), ("" if offset == "0" else f" + {offset}")
         return f"{times}{self.source}{plus} -> {self.target}"
+
+
+def feeds_of(connections: Iterable[Connection]) -> Feeds:
+    """Reference of each input of some connections -> reference of its output."""
+    return {connection.target.reference: connection.source.reference for connection in connections}
 
 
 def scalar_connections(first: Port, second: Port) -> list[Connection]:

@@ -30,7 +30,7 @@ from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import Components, SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
@@ -117,7 +117,7 @@ class Simulation:
     def feeds(self) -> Feeds:
         """Reference of each fed input -> reference of the output or function of time that feeds it."""
         driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.references, strict=True)}
-        return driven | {connection.target.reference: connection.source.reference for connection in self.connections}
+        return driven | feeds_of(self.connections)
 
     @cached_property
     def chosen_reconstructions(self) -> Collection[str]:
@@ -154,10 +154,9 @@ class Simulation:
     @property
     def scene(self) -> FmuScene:
         """Picture of the system."""
-        prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
         number = {name: i for i, name in enumerate(self.parts)}
         pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
-        parts = {prefix.get(name, f"{name}."): part for name, part in self.parts.items()}
+        parts = {"" if self.single and number[name] == 0 else f"{name}.": part for name, part in self.parts.items()}
         return FmuScene(parts, connected_groups(len(parts), pairs))
 
     @property
