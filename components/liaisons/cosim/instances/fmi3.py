@@ -137,7 +137,7 @@ class CoSimulation3(Instance3):
         writes = [(part, self._transfer_whole("set", part)) for part in inputs]
         reads = [self._transfer_whole("get", part) for part in inputs if not part.is_complete]
         self._intermediate_writes = [[partial(part.write_from, write, row) for part, write in writes] for row in values]
-        return self._combine("set", reads, self.functions["get"])
+        return self._combined_call("set", reads, self.functions["get"])
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         self._final.value = False
@@ -152,7 +152,7 @@ class CoSimulation3(Instance3):
                 "slope", *counted_references(outputs.references), c.byref(numbers), *counted_buffer(outputs.buffer)
             )
             reads.append(partial(outputs.read_into, read, np.asarray(values)))
-        return self._combine("slope", reads, self.functions["slope"])
+        return self._combined_call("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         if action == "step" and self._step_end.early and not self._step_end.terminate:

@@ -243,7 +243,7 @@ class Loaded(Instance):
         for part in parts:
             copy = part.read_into if action == "get" else part.write_from
             calls.append(partial(copy, self._transfer_whole(action, part), numbers))
-        return self._combine(action, calls, " or ".join(self._function_name(action, part) for part in parts))
+        return self._combined_call(action, calls, " or ".join(self._function_name(action, part) for part in parts))
 
     def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
         """Call that gets or sets whole variables of one type by the values, or by the buffer of the layout."""
@@ -258,7 +258,7 @@ class Loaded(Instance):
         """Name of the FMI function that gets or sets the variables of a layout."""
         return f"{self.prefix}{action.capitalize()}{layout.base}"
 
-    def _combine(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
+    def _combined_call(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
         """Call that makes several calls in order, and returns the worst status."""
         return self._call_of_function(function, action, lambda: max((call() for call in calls), default=0))
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, final
@@ -24,9 +24,6 @@ from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter of FMUs of liaisons: how inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate."""
-
-Triple = tuple[str, str, str]
-"""Names of value, rate and acceleration."""
 
 InputInterface = Literal["derivatives", "intermediate update", "end value", "mean value"]
 """Values of an input that an FMU takes for a step: derivatives at its start, values at instants inside, the value at
@@ -271,8 +268,12 @@ class Port:
 
     def motion_and_order(self) -> tuple[tuple[Port, Port, Port] | None, int]:
         """Ports of value, rate and acceleration, and which of them the port is, 0 to 2; (None, 0) if there are none."""
-        names, order = _motion_and_order(self.part.fmu, self.name)
-        return names and (Port(self.part, names[0]), Port(self.part, names[1]), Port(self.part, names[2])), order
+        port = self.part.fmu.terminals.port(self.name) if self.name in self.part.fmu.variables else None
+        motion = port and port.motion
+        if not motion or self.name not in motion:
+            return None, 0
+        value, rate, acceleration = (Port(self.part, name) for name in motion)
+        return (value, rate, acceleration), motion.index(self.name)
 
     def __str__(self) -> str:
         return f"{self.part.name}.{self.name}"
@@ -288,11 +289,3 @@ def time_limit(label: str, isolated: object) -> float:
     if not 0 <= seconds < math.inf:
         raise InvalidValueError(f"{label} {shown(isolated)}: give True, or the seconds that a call may take")
     return seconds
-
-
-@lru_cache(maxsize=4096)  # of one file there may be thousands of instances
-def _motion_and_order(fmu: Fmu, name: str) -> tuple[Triple | None, int]:
-    """Names of the variables of value, rate and acceleration, and the place of a name among them; else (None, 0)."""
-    port = fmu.terminals.port(name) if name in fmu.variables else None
-    motion = port and port.motion
-    return (motion, motion.index(name)) if motion and name in motion else (None, 0)

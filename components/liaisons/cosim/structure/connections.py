@@ -22,7 +22,7 @@ from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import RECORDED, Scalar
 from liaisons.cosim.structure.components import Port
-from liaisons.cosim.structure.schedule import Feeds
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import ConnectError
 
 
@@ -52,7 +52,7 @@ class Connection:
         return f"{times}{self.source}{plus} -> {self.target}"
 
 
-def feeds_of(connections: Iterable[Connection]) -> Feeds:
+def feeds_of(connections: Iterable[Connection]) -> dict[VariableReference, VariableReference]:
     """Reference of each input of some connections -> reference of its output."""
     return {connection.target.reference: connection.source.reference for connection in connections}
 
