@@ -35,7 +35,7 @@ from liaisons import System, fmu_path
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.schedule import Coupling
-from liaisons.cosim.structure.simulation import SimulationSettings, checked
+from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
 
 H = 0.001
 TRIPLE = ("", "_dot", "_ddot")
@@ -86,7 +86,7 @@ def _loop(
     """A function that runs a system from its start, and returns seconds a step: of the loop alone."""
     parts, connections = system.filled(), system.connections
     settings = SimulationSettings(stop_time=steps * H, step_size=H, coupling=coupling, record=record)
-    simulation = checked(system.name, parts, connections, settings)
+    simulation = checked_simulation(system.name, parts, connections, settings)
     run = stack.enter_context(Run(simulation, again=True))
 
     def seconds() -> float:

@@ -23,7 +23,6 @@ from liaisons.base.arguments import as_path, merged_start_values
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
-from liaisons.cosim.structure.components import Solver
 from liaisons.errors import SimulationError
 from liaisons.library import Target, component, flattening, fmu_file, is_target
 
@@ -113,7 +112,11 @@ def show(
         None if path is None else as_path("show: path", path),
         merged_start_values("show", start_values, keywords),
     )
-    if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
+    if (
+        starts
+        or isinstance(target, Path)
+        or not (two_way := [c for c in target.connections if c.is_reaction or c.is_impulse])
+    ):
         return live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:
@@ -235,7 +238,6 @@ class System(cosim.System):
         /,
         *,
         isolated: bool | float = False,
-        solver: Solver | None = None,
         start_values: Mapping[str, ArrayLike | cosim.OperatorFmu] | None = None,
         **keywords: ArrayLike | cosim.OperatorFmu,
     ) -> cosim.SystemComponent:
@@ -246,7 +248,7 @@ class System(cosim.System):
         :raises ProjectError: if there is no such file or component.
         """
         path = fmu if isinstance(fmu, cosim.SampledFunction) else fmu_file(fmu)
-        return super().add(name, path, isolated=isolated, solver=solver, start_values=start_values, **keywords)
+        return super().add(name, path, isolated=isolated, start_values=start_values, **keywords)
 
     @classmethod
     def from_ssp(cls, path: Path | str) -> Self:

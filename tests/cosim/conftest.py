@@ -366,7 +366,7 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
 def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The test runs twice: communication steps by compiled code, and by Python."""
     if request.param == "Python":
-        monkeypatch.setattr(compiled, "steps", lambda: None)
+        monkeypatch.setattr(compiled, "step_library", lambda: None)
 
 
 @pytest.fixture(scope="session")

@@ -34,7 +34,7 @@ from fmpy.simulation import apply_start_values, instantiate_fmu
 
 from liaisons import System
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.instances import Instance, make
+from liaisons.cosim.instances import Instance, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 
@@ -94,7 +94,7 @@ class RefusalError(Exception):
 
 def compared(system: System) -> list[tuple[str, str]]:
     """Outputs that no connected input enters directly: read before or after inputs are set, they are the same."""
-    fed = {link.target.place for link in system.connections}
+    fed = {link.target.reference for link in system.connections}
     return [
         (c.name, output)
         for c in system.parts.values()
@@ -160,7 +160,7 @@ def jacobi(
             return buffer[0]
 
         def hand_on(value: float | None = None) -> None:
-            values = [read(*link.source.place) if value is None else value for link in links]
+            values = [read(*link.source.reference) if value is None else value for link in links]
             for link, given in zip(links, values, strict=True):
                 if value is not None and link.target.name in kept:
                     continue
@@ -195,10 +195,10 @@ def in_order(system: System, folder: Path, times: Vector, ahead: Mapping[str, st
 
     def hand_on(links: Iterable[Connection]) -> None:
         for link in links:
-            slaves[link.target.part.name].setReal([link.target.variable.reference], [read(*link.source.place)])
+            slaves[link.target.part.name].setReal([link.target.variable.reference], [read(*link.source.reference)])
 
     def enters(before: Connection, link: Connection) -> bool:
-        (owner, output), (reader, variable) = link.source.place, before.target.place
+        (owner, output), (reader, variable) = link.source.reference, before.target.reference
         return owner == reader and system.parts[owner].fmu.depends(output, variable)
 
     links, ahead = system.connections, ahead or {}
@@ -244,6 +244,6 @@ def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mappi
         instances = {}
         for name, part in system.parts.items():
             fmpy.extract(part.fmu.path, folder / name)
-            instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
+            instance = instances[name] = stack.enter_context(make_instance(name, part.fmu, folder / name))
             instance.initialize(starts[name], None, 0.0, stop_time)
         yield instances

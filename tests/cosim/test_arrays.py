@@ -120,9 +120,9 @@ def test_long_arrays_are_recorded_on_request_only(described: Describe) -> None:
 
 def test_nearest_name_knows_arrays(described: Describe) -> None:
     fmu = described(*_row("theta", 100))
-    assert fmu.unknown("tetha").endswith("has no variable 'tetha'; did you mean 'theta'?")
-    assert fmu.unknown("tetha[7]").endswith("did you mean 'theta[7]'?")
-    assert fmu.unknown("theta[101]").endswith("the array has theta[1] to theta[100]")
+    assert fmu.unknown_variable_message("tetha").endswith("has no variable 'tetha'; did you mean 'theta'?")
+    assert fmu.unknown_variable_message("tetha[7]").endswith("did you mean 'theta[7]'?")
+    assert fmu.unknown_variable_message("theta[101]").endswith("the array has theta[1] to theta[100]")
 
 
 def _result(*names: str) -> Result:

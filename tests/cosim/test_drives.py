@@ -31,7 +31,8 @@ def test_a_drive_has_its_limits_from_the_right(instant: float) -> None:
         )
         # 8 units in the last place of the time, at a rate of 1, and a rounding.
         roundings = 9 * np.spacing(max(abs(instant), 0.9))
-        np.testing.assert_allclose(drive.right(instant), [0, 1, 0], atol=roundings)
+        drive.begin_piece(instant)
+        np.testing.assert_allclose(drive(instant), [0, 1, 0], atol=roundings)
 
 
 @pytest.mark.parametrize("breaks", [[0.5], []])

@@ -119,7 +119,7 @@ def test_roll_back(instance: CoSimulation3, row: Path) -> None:
 def test_derivatives(instance: CoSimulation3, row: Path) -> None:
     seed, product = _numbers(10, 1), _numbers(0, 0)
     unknowns, knowns = _variables(row, "y[3]", "y[2]"), _variables(row, "u[2]", "u[3]")
-    assert instance.directional(unknowns, knowns, seed, product)() == 0
+    assert instance.directional_derivatives(unknowns, knowns, seed, product)() == 0
     assert list(product) == [3, 20]
     instance.setter(_variables(row, "u[2]"), _numbers(4))()
     slopes = _numbers(0, 0)

@@ -53,7 +53,7 @@ def same_by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
             only_compiled.setattr(loop.Loop, "_advance_in_python", lambda *_: pytest.fail("Python makes the steps"))
             first = run()
         with monkeypatch.context() as without:
-            without.setattr(compiled, "steps", lambda: None)
+            without.setattr(compiled, "step_library", lambda: None)
             second = run()
         _assert_same_bits(first, second)
 
@@ -63,7 +63,7 @@ def same_by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
 @pytest.fixture
 def same_by_calls_of_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
     """Compares a coupled run with the same whose FMUs are called by Python, from within the compiled step."""
-    recorded = Call.recorded
+    recorded = Call.set_record
 
     def only_coupled(call: Call, kind: int, instance: int | None, **fields: Any) -> Call:
         return recorded(call, kind, instance, **fields) if kind == COUPLED else call
@@ -71,7 +71,7 @@ def same_by_calls_of_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], 
     def compare(run: Run) -> None:
         first = run()
         with monkeypatch.context() as without:
-            without.setattr(Call, "recorded", only_coupled)
+            without.setattr(Call, "set_record", only_coupled)
             second = run()
         _assert_same_bits(first, second)
 
@@ -153,7 +153,7 @@ def test_elimination_solves_what_a_dense_one_does(seed: int) -> None:
     n = int(random.integers(1, 40))
     pattern = {(k, k) for k in range(n)} | {(int(i), int(k)) for i, k in random.integers(0, n, (3 * n, 2))}
     pattern = sorted(pattern)
-    elimination, library = Elimination(n, pattern), compiled.steps()
+    elimination, library = Elimination(n, pattern), compiled.step_library()
     assert library is not None
     for scale in (1.0, 1.1, 0.0, 1e3):
         numbers, right = random.normal(size=len(pattern)), random.normal(size=n)
@@ -177,14 +177,16 @@ def test_elimination_solves_what_a_dense_one_does(seed: int) -> None:
 def test_coupling_without_a_compiler_is_explicit(component, monkeypatch, caplog, inputs) -> None:
     parts = {name: (component("Pendulum"), {"theta_0": 0.1}) for name in ("upper", "lower")}
     system = wired("upper.bob -> lower.pivot", **parts) if not inputs else wired(upper=parts["upper"])
-    monkeypatch.setattr(compiled, "steps", lambda: None)
+    monkeypatch.setattr(compiled, "step_library", lambda: None)
     first = system.simulate(0.02, 0.01, inputs=inputs)
     assert (
         "would be coupled implicitly, but no C compiler is found: pip install 'liaisons[cross]': coupled by"
         in caplog.text
     )
     _assert_same_bits(first, system.simulate(0.02, 0.01, inputs=inputs, coupling="gauss-seidel"))
-    with pytest.raises(SimulationError, match="coupling = 'implicit' is made by compiled code, and no C compiler"):
+    with pytest.raises(
+        SimulationError, match="coupling = 'implicit' repeats steps by compiled code, but no C compiler"
+    ):
         system.simulate(0.02, 0.01, inputs=inputs, coupling="implicit")
 
 

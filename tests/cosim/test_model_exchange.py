@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
-from liaisons.cosim.instances import dop853, extracted, make
+from liaisons.cosim.instances import dop853, extract_fmus, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Result
@@ -297,10 +297,10 @@ def test_numbers_of_indicators_that_cannot_be_are_refused(tmp_path: Path, count:
 def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
     """A pendulum, which takes some steps of the solver in each; what its sums have lost comes back, too."""
     code = {"start": "x[0] = 1;", "rates": "f[0] = x[1]; f[1] = -9.81 * sin(x[0]);"}
-    part = SystemComponent.of("x", equations(tmp_path, 2, 0, **code), {})
-    folder = extracted([part.fmu], tmp_path / "extracted")[part.fmu.path]
+    part = SystemComponent.read("x", equations(tmp_path, 2, 0, **code), {})
+    folder = extract_fmus([part.fmu], tmp_path / "extracted")[part.fmu.path]
     values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
-    with make("x", part.fmu, folder) as instance:
+    with make_instance("x", part.fmu, folder) as instance:
         read = instance.getter([part.fmu.variables[name] for name in ("x0", "x1")], values)
         step, (save, restore) = instance.stepper(time, size), instance.save_and_restore_calls()
         instance.initialize({}, 1e-8, 0.0, 10.0)
@@ -318,30 +318,22 @@ def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
     assert_allclose(tuple(values), [alone["x0"][-1], alone["x1"][-1]], rtol=1e-15)
 
 
-def test_cvode_is_asked_for_by_name(tmp_path: Path, ball: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """It integrates what is stiff from the begin on, and through events; nothing has to be found out first."""
-    states, code, end, exact = STIFF["Dahlquist"]
-    with caplog.at_level("INFO", logger="liaisons.cosim"):
-        run = simulate(equations(tmp_path, states, **code), stop_time=end, step_size=0.1, solver="cvode")
-    assert run["x0"][-1] == pytest.approx(exact[0], rel=1e-6)
-    assert not caplog.records
-    result = simulate(ball, stop_time=2.5, solver="cvode", isolated=True)
+def test_cvode_integrates_through_events_in_a_process_of_its_own(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    explicit = simulate(ball, stop_time=2.5)
+    monkeypatch.setattr(dop853, "library", lambda: None)
+    result = simulate(ball, stop_time=2.5, isolated=True)
     assert_allclose(result["h"], heights(result.time)[0], atol=1e-5)  # tolerance 1e-8 of the FMU · 1000
-    assert not np.array_equal(result["h"], simulate(ball, stop_time=2.5)["h"])
+    assert not np.array_equal(result["h"], explicit["h"])
 
 
-def test_a_solver_that_cannot_be_had_is_refused(ball: Path, component: FmuPaths) -> None:
-    with pytest.raises(SimulationError, match=r"^Ball: solver = 'euler': give 'cvode', or leave it out$"):
-        simulate(ball, solver="euler")  # type: ignore[arg-type]
-    with pytest.raises(SimulationError, match=r"is for FMUs of Model Exchange, and Pendulum\.fmu has its own"):
-        System("one").add("one", component("Pendulum"), solver="cvode")
-
-
-def test_steps_that_cvode_repeats_are_warned_of_once(component: FmuPaths, tmp_path: Path) -> None:
+def test_steps_that_cvode_repeats_are_warned_of_once(
+    component: FmuPaths, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """And only where they are: not without a cycle, where nothing is repeated."""
+    monkeypatch.setattr(dop853, "library", lambda: None)
     only = exchange_only(component("Pendulum"), tmp_path)
     system = System("two")
-    upper, lower = (system.add(name, only, solver="cvode", theta_0=0.1) for name in ("upper", "lower"))
+    upper, lower = (system.add(name, only, theta_0=0.1) for name in ("upper", "lower"))
     assert not system.simulate(0.2, 0.05).warnings
     system.connect(upper["bob"], lower["pivot"])
     result = system.simulate(0.2, 0.05, coupling="implicit")

@@ -82,7 +82,7 @@ def regulated(controller: Controller) -> System:
         "Pendulum_pivot_x": system.add("regulator", regulator.fmu.path, **starts),
     }
     for link in held.connections:
-        (owner, output), (reader, reading) = link.source.place, link.target.place
+        (owner, output), (reader, reading) = link.source.reference, link.target.reference
         if reader == "Pendulum_pivot_x":
             system.connect(parts[owner][output], parts[reader][reading])
     return system

@@ -89,3 +89,20 @@ def test_late_inputs_are_those_of_the_same_cycle_and_with_jacobi_all() -> None:
     assert schedule.late_inputs(["a", "b", "c"], CHAIN, "gauss-seidel") == []
     assert schedule.late_inputs(["a", "b", "c"], CHAIN, "jacobi") == [("b", "u"), ("c", "u")]
     assert schedule.late_inputs(["a", "b"], RING, "implicit") == []
+
+
+SHORT, LONG = "a.y b.u b.y a.u a.y", "a.y c.u c.y d.u d.y a.v a.y"
+
+
+@pytest.mark.parametrize(
+    ("independent", "loop"),
+    [(None, SHORT), (("a", "u"), LONG), (("b", "u"), LONG), (("c", "u"), SHORT), (("a", "v"), SHORT)],
+)
+def test_algebraic_loops_are_shortest_cycles_of_direct_dependencies(
+    independent: VariableReference | None, loop: str
+) -> None:
+    feeds = {("c", "u"): ("a", "y"), ("d", "u"): ("c", "y"), ("a", "v"): ("d", "y"), **RING}
+    (seen,) = schedule.algebraic_loops(feeds, lambda _, input_: input_ != independent)
+    assert " ".join(".".join(reference) for reference in seen) == loop
+    assert schedule.algebraic_loops(feeds, lambda output, _: output[0] != "a") == []
+    assert schedule.algebraic_loops(CHAIN, _always) == []

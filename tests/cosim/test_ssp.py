@@ -23,7 +23,7 @@ from schemas import validated
 from liaisons import System, ssp
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DefaultExperiment, read
-from liaisons.cosim.instances import make
+from liaisons.cosim.instances import make_instance
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
@@ -70,8 +70,10 @@ def test_round_trip_gives_the_same_bits(system: System, tmp_path: Path, form: Fo
 def test_both_ways_of_a_port_are_known_again(system: System, tmp_path: Path, form: Form) -> None:
     system.write_ssp(tmp_path / "system.ssp", form=form)
     again = System.from_ssp(tmp_path / "system.ssp")
-    assert [link.back for link in again._connections.values()] == [link.back for link in system._connections.values()]
-    assert sum(link.back for link in again._connections.values()) == 1
+    assert [link.is_reaction for link in again._connections.values()] == [
+        link.is_reaction for link in system._connections.values()
+    ]
+    assert sum(link.is_reaction for link in again._connections.values()) == 1
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -231,7 +233,7 @@ def _check_zeros(path: Path, folder: Path, *, ignored: bool) -> None:
     """A pendulum of 2 m, or of 1 m."""
     fmu, buffer, time = read(path), (c_double * 1)(), c_double()
     variables = [fmu.variables["length"]]
-    with make("swing", fmu, Path(fmpy.extract(str(path), str(folder)))) as instance:
+    with make_instance("swing", fmu, Path(fmpy.extract(str(path), str(folder)))) as instance:
         get, put = instance.getter(variables, buffer), instance.setter(variables, buffer)
         step = instance.stepper(time, c_double(0.1))
 

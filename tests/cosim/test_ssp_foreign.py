@@ -248,7 +248,7 @@ def test_factor_and_offset_come_back(archive: Archive, tmp_path: Path) -> None:
     for form in ("portable", "full"):
         system.write_ssp(tmp_path / "again.ssp", form=form)
         again = System.from_ssp(tmp_path / "again.ssp")
-        assert {c.target.place: c.conversion for c in again.connections} == {
+        assert {c.target.reference: c.conversion for c in again.connections} == {
             ("p", "u"): (0.1, 1 / 3),
             ("f", "u"): (1000.0, 0.0),
         }

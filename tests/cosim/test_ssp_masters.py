@@ -19,7 +19,7 @@ from liaisons import System
 from liaisons.base.project import scenario_files
 from liaisons.cosim import SystemComponent
 from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.simulation import SimulationSettings, checked
+from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 
@@ -128,7 +128,7 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
         **options: Any,
     ) -> object:
         if single and len(parts) == 1:
-            return checked(title, parts, (), settings, single=True, **options)
+            return checked_simulation(title, parts, (), settings, single=True, **options)
         system = System(title)
         system._parts.update(parts)
         system.join(connections)

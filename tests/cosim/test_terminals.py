@@ -80,7 +80,7 @@ def test_a_port_whose_members_are_called_anything_is_connected_and_drawn(mass: P
     system = _oscillation(mass, spring, "mass.slider -> spring.end")
     expected = [("alpha", "one"), ("beta", "two"), ("gamma", "three")]
     assert [(c.source.name, c.target.name) for c in system.connections] == [*expected, ("four", "delta")]
-    assert [c.back for c in system.connections] == [False, False, False, True]
+    assert [c.is_reaction for c in system.connections] == [False, False, False, True]
     by_value = _oscillation(mass, spring, "spring.one -> mass.alpha")
     assert [*map(str, by_value.connections)] == [*map(str, system.connections)]
     picture = system.diagram().svg
@@ -233,4 +233,4 @@ def test_elements_of_an_array_are_ports_as_it_is() -> None:
 
 def _array(name: str, causality: str) -> Array:
     like = Scalar(name, 0, "Real", "Float64", causality, settable=False, start=None, unit="m")
-    return Array(like, (200,), (0,), (), (0,), whole=True)
+    return Array(like, (200,), (0,), (), (0,), is_variable=True)

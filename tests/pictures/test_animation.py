@@ -212,7 +212,7 @@ def test_an_fmu_that_warns_is_drawn_and_one_that_refuses_is_named(
     def returning(status: int) -> None:
         def prepare(self: CoSimulation2, variables: Scalars, values: Numbers) -> Call:
             read = getter(self, variables, values)
-            return self.prepared("get", lambda: max(read(), status))
+            return self.prepare_call("get", lambda: max(read(), status))
 
         monkeypatch.setattr(CoSimulation2, "getter", prepare)
 

@@ -19,7 +19,7 @@ from liaisons.check import Verdict, compare, verdict
 from liaisons.cli._subject import mismatch_names, subject_simulation
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
-from liaisons.cosim.instances import extracted, make
+from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.run import run_to_end
 from liaisons.errors import LiaisonsError, SimulationError
@@ -175,7 +175,10 @@ def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)
     results = []
-    with temporary_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
+    with (
+        temporary_folder() as folder,
+        make_instance(fmu.path.stem, fmu, extract_fmus([fmu], folder)[fmu.path]) as instance,
+    ):
         instance.initialize({}, tolerance, 0.0, 3 * step_size)
         instance.exit_initialization()
         save, restore = instance.save_and_restore_calls()

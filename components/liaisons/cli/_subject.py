@@ -14,7 +14,7 @@ from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked_simulation, variable_reference
 from liaisons.library import fmu_file, fmu_path
 
 MISMATCH = "_mismatch"
@@ -89,7 +89,7 @@ def subject_simulation(
     _refuse_ignored_starts(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)
-    parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
+    parts = {name: part.isolated_copy(isolated) if isolated else part for name, part in system.parts.items()}
     watched = [
         name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatch_names(part.fmu)
     ]
@@ -101,13 +101,15 @@ def subject_simulation(
         record=record,
         inputs=driven.functions,
     )
-    asked = checked(system.name, parts, system.connections, settings, single=single, also=watched)
+    asked = checked_simulation(system.name, parts, system.connections, settings, single=single, also=watched)
     return system, asked
 
 
 def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: PrescribedInputs, *, single: bool) -> None:
     """Raise a ProjectError for a start value of a variable that --input moves."""
-    variables = [owned(system.name, system.parts, "input", name, single=single) for name in driven.functions]
+    variables = [
+        variable_reference(system.name, system.parts, "input", name, single=single) for name in driven.functions
+    ]
     variables += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
     for owner, variable in variables:
         port = system.parts[owner][variable]

@@ -12,39 +12,36 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Numbers = Vector | Array[c_double]
-"""Doubles side by side, which a prepared call reads or writes."""
+"""Contiguous doubles, which a prepared call reads or writes."""
 
 
 def as_indices(numbers: object) -> Indices:
-    """An array of whole numbers."""
+    """Integers as an array of indices."""
     return np.array(numbers, dtype=np.intp)
 
 
 def pointer_to(values: Numbers) -> Array[c_double]:
-    """A ctypes array that shares the memory of doubles, as an argument of a foreign function."""
+    """ctypes array that shares the memory of an array of doubles, as an argument of a C function."""
     return (c_double * len(values)).from_buffer(values)  # type: ignore[arg-type] - NumPy says so from Python 3.12 on
 
 
 @final
 class Memory:
-    """Arrays that are saved and restored together, or set to the values that they have now.
-
-    :ivar arrays: these.
-    """
+    """Arrays that are saved and restored together, or reset to their values at construction."""
 
     def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
         self.arrays = list(arrays)
-        self._first = self.save()
+        self._initial = self.save()
 
     def save(self) -> list[NDArray[Any]]:
         """Copies of the arrays, for :meth:`restore`."""
         return [array.copy() for array in self.arrays]
 
     def restore(self, saved: Iterable[NDArray[Any]]) -> None:
-        """Write saved values into the arrays."""
+        """Copy saved values into the arrays."""
         for array, values in zip(self.arrays, saved, strict=True):
             array[:] = values
 
     def reset(self) -> None:
-        """Set the arrays to their first values."""
-        self.restore(self._first)
+        """Set the arrays to their values at construction."""
+        self.restore(self._initial)

@@ -1,4 +1,4 @@
-"""Statuses of FMI, where what FMUs say of them goes, and results with what was warned of, among it not-a-numbers."""
+"""Statuses of FMI, the logger of FMUs, and warnings of results."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ SUCCESS = {OK, WARNING}
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 
 COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
-"""The log categories that come with a status."""
+"""FMI's standard log categories of statuses that are not OK."""
 
-_MOST = 20  # variables that are named
+_MOST_NAMED = 20  # signals, of which each has a warning
 
 
 def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
-    """A result with these warnings after its own."""
+    """Result with further warnings after its own."""
     return replace(result, warnings=tuple(dict.fromkeys((*result.warnings, *warnings)))) if warnings else result
 
 
 def warn_of_non_finite_values(result: Result) -> None:
-    """Warn of every signal with values that are not finite, with the first of them."""
+    """Log a warning for every signal of a result that is not finite at all points."""
     wrong = ~np.isfinite(result.values)
     rows = np.flatnonzero(wrong.any(axis=1)).tolist()
-    for row in rows[:_MOST]:
+    for row in rows[:_MOST_NAMED]:
         first, signal = int(np.argmax(wrong[row])), result.values[row]
         words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
         said = result.title, result.names[row], signal[first], result.time[first], wrong[row].sum(), len(signal)
         logger.warning(words, *said)
-    if len(rows) > _MOST:
-        logger.warning("%s: %d more signals are not finite", result.title, len(rows) - _MOST)
+    if len(rows) > _MOST_NAMED:
+        logger.warning("%s: %d more signals are not finite", result.title, len(rows) - _MOST_NAMED)

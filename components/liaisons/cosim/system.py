@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Self, final
 
@@ -22,11 +22,11 @@ from liaisons.base.arguments import (
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
-from liaisons.cosim.structure.components import Components, Port, Solver, SystemComponent
-from liaisons.cosim.structure.connections import Connection, connect
-from liaisons.cosim.structure.diagram import Diagram, diagram
+from liaisons.cosim.structure.components import Components, Port, SystemComponent
+from liaisons.cosim.structure.connections import Connection, scalar_connections
+from liaisons.cosim.structure.diagram import Diagram, block_diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, with_start_values
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked_simulation, with_start_values
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
@@ -38,7 +38,7 @@ _SHOWN, _WIDEST = 20, 200
 @final
 @dataclass(frozen=True, slots=True)
 class OperatorFmu:
-    """An FMU that prescribes a coordinate; see :func:`liaisons.operator`."""
+    """FMU that prescribes a coordinate, with start values; see :func:`liaisons.operator`."""
 
     fmu: Path
     start_values: Mapping[str, ArrayLike]
@@ -66,19 +66,16 @@ class System:
         /,
         *,
         isolated: bool | float = False,
-        solver: Solver | None = None,
         start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
         **keywords: ArrayLike | OperatorFmu,
     ) -> SystemComponent:
-        """Put an FMU into the system.
+        """Add an FMU to the system.
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of the file; or a function of Python, :func:`liaisons.sampled`.
         :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
             result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
             the FMU runs in this process, with a warning.
-        :param solver: ``"cvode"`` integrates the equations of a stiff FMU of Model Exchange from the start; None:
-            DOP853 integrates them until it detects that they are stiff.
         :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port`` and connected.
         :param keywords: further start values; a keyword that is also a setting is the setting.
@@ -91,27 +88,22 @@ class System:
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
         starts = merged_start_values(f"{self.name}: {name}", start_values, keywords)
-        return self._add_part(name, fmu, starts, isolated=isolated, solver=solver)
+        return self._add_part(name, fmu, starts, isolated=isolated)
 
     def _add_part(
-        self,
-        name: str,
-        fmu: Path | str | SampledFunction,
-        starts: Mapping[str, object],
-        *,
-        isolated: bool | float,
-        solver: Solver | None,
+        self, name: str, fmu: Path | str | SampledFunction, starts: Mapping[str, object], *, isolated: bool | float
     ) -> SystemComponent:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
-        part = SystemComponent.of(name, fmu, own, isolated=isolated, solver=solver)
+        part = SystemComponent.read(name, fmu, own, isolated=isolated)
         self._parts[name] = part
         if isinstance(fmu, SampledFunction):
             self._connect_variables(part, {**fmu.inputs, **fmu.outputs})
         return self.prescribe(name, operators)
 
     def _connect_variables(self, part: SystemComponent, variables: Mapping[str, str]) -> None:
-        """Connect ports with variables of other components, ``"component.variable"``; nothing if one is wrong."""
+        """Connect ports with variables ``"component.variable"`` of others; on an error, remove the component."""
+        before = dict(self._connections)
         try:
             for port, name in variables.items():
                 owner, dot, variable = name.partition(".")
@@ -122,13 +114,11 @@ class System:
                     self.connect(part[port], self._parts[owner][variable])
         except LiaisonsError:
             del self._parts[part.name]
-            self._connections = {
-                place: c for place, c in self._connections.items() if part not in (c.source.part, c.target.part)
-            }
+            self._connections = before
             raise
 
     def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> SystemComponent:
-        """Connect operators with ports of a component.
+        """Add operators to the system, and connect them with ports of a component.
 
         :returns: the component.
         """
@@ -158,27 +148,27 @@ class System:
                 )
             if self._parts.get(port.part.name) is not port.part:
                 raise ConnectError(f"{port} is no component of {self.name}; connect what its add() has returned")
-        self.join(connect(source, target))
+        self.join(scalar_connections(source, target))
 
     def join(self, connections: Iterable[Connection]) -> None:
-        """Put scalar connections into the system, all of them or none.
+        """Add scalar connections to the system, all of them or, if one does not fit, none.
 
         :raises ConnectError: if an input has a source already.
         """
         joined: dict[VariableReference, Connection] = {}
         for connection in connections:
-            input_ = connection.target.place
+            input_ = connection.target.reference
             taken = self._connections.get(input_) or joined.setdefault(input_, connection)
             if taken is not connection:
                 ends = f"{connection.source} cannot be connected with {connection.target}"
-                cure = "; where two mechanisms hang, a Junction adds their forces" if connection.back else ""
+                cure = "; where two mechanisms hang, a Junction adds their forces" if connection.is_reaction else ""
                 raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source{cure}")
         self._connections.update(joined)
 
     def with_start_values(self, start_values: Mapping[str, ArrayLike]) -> Self:
-        """The same system with other start values.
+        """Copy of the system with some other start values.
 
-        :param start_values: ``"component.variable"`` -> start value, where it differs.
+        :param start_values: ``"component.variable"`` -> new start value.
         :raises SimulationError: for an unknown component or variable, or a value that it cannot have.
         """
         other = copy(self)
@@ -187,7 +177,7 @@ class System:
 
     @with_settings(SimulationSettings)
     def simulate(self, settings: SimulationSettings) -> Result:
-        """Simulate from the start.
+        """Simulate the system from start to stop.
 
         See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
         :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
@@ -220,14 +210,14 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        simulation, step_size = self._checked(settings), settings.step_size
+        simulation, step_size = self._checked_simulation(settings), settings.step_size
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
-        return run_to_end(simulation, **settings.of_run())
+        return run_to_end(simulation, **settings.run_options())
 
     @with_settings(SimulationSettings)
     def start(self, settings: SimulationSettings) -> Run:
-        """Initialize the FMUs for a run, step by step.
+        """Initialize the FMUs for a run that the caller steps.
 
         Without ``stop_time`` it has no end.  The FMUs are handed out as objects of FMPy: ``run.fmu("cart")``.
 
@@ -242,24 +232,24 @@ class System:
         :returns: the run, a context manager that releases the FMUs.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
-        settings.require_no_run()
-        return start_run(self._checked(settings, endless=True))
+        settings.refuse_run_options()
+        return start_run(self._checked_simulation(settings, endless=True))
 
-    def _checked(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
-        return checked(self.name, self.filled(), self.connections, settings, endless=endless)
+    def _checked_simulation(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
+        return checked_simulation(self.name, self.filled(), self.connections, settings, endless=endless)
 
     @property
     def parts(self) -> Components:
-        """The FMUs by name."""
+        """Components by name."""
         return dict(self._parts)
 
     @property
     def connections(self) -> tuple[Connection, ...]:
-        """The scalar connections."""
+        """Scalar connections, in the order of addition."""
         return tuple(self._connections.values())
 
     def filled(self) -> Components:
-        """The FMUs by name.
+        """Components by name, at least one.
 
         :raises SimulationError: if there are none.
         """
@@ -276,13 +266,13 @@ class System:
         return "\n".join(lines)
 
     def diagram(self, path: Path | str | None = None) -> Diagram:
-        """Draw the FMUs as blocks with ports, what is connected, and the order in which they are stepped.
+        """Block diagram: FMUs with ports, connections, and the order in which FMUs are stepped.
 
-        :param path: of an SVG file, if one is to be written.
+        :param path: path of an SVG file to write; None: none is written.
         :returns: the picture, which a notebook shows.
         :raises SimulationError: if the file cannot be written.
         """
-        drawn = diagram(self.name, self._parts, self.connections)
+        drawn = block_diagram(self.name, self._parts, self.connections)
         if path is not None:
             drawn.write(as_path("diagram: path", path))
         return drawn
@@ -294,7 +284,7 @@ class System:
 @final
 @dataclass(frozen=True)
 class _SingleRun:
-    """One FMU with its operators, start values that are given, and settings."""
+    """One FMU with its operators, start values of the user, and settings."""
 
     system: System
     starts: Mapping[str, object]
@@ -319,42 +309,31 @@ class _SingleRun:
         progress: bool = False,
         real_time: float | None = None,
         isolated: bool | float = False,
-        solver: Solver | None = None,
         start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
         **keywords: ArrayLike | OperatorFmu,
     ) -> _SingleRun:
-        """Put the FMU and its operators into a system."""
+        """System of an FMU and its operators, with start values and settings."""
+        arguments = locals()
         settings = SimulationSettings(
-            stop_time,
-            step_size,
-            start_time=start_time,
-            times=times,
-            tolerance=tolerance,
-            coupling=coupling,
-            error_tolerance=error_tolerance,
-            record=record,
-            inputs=inputs,
-            verify=verify,
-            progress=progress,
-            real_time=real_time,
+            **{setting.name: arguments[setting.name] for setting in fields(SimulationSettings)}
         )
         path = as_path("fmu", fmu)
         starts = merged_start_values(path.stem, start_values, keywords)
         system = System(path.stem or str(path))
-        system._add_part(  # noqa: SLF001 - it may have a dot in its name
-            path.stem, path, starts, isolated=isolated, solver=solver
-        )
+        system._add_part(path.stem, path, starts, isolated=isolated)  # noqa: SLF001 - its name may have a dot
         return cls(system, starts, settings)
 
-    def checked(self, *, endless: bool = False) -> Simulation:
-        """The simulation.
+    def simulation(self, *, endless: bool = False) -> Simulation:
+        """Simulation with checked settings.
 
-        :raises SimulationError: for a bad setting, and a start value that is not where a function of time begins.
+        :raises SimulationError: for a bad setting, or a start value of an input that its function of time contradicts.
         """
         system, starts, parts = self.system, self.starts, self.system.parts
         title = next(iter(parts))
         with start_value_hints(parts[title].fmu.variables):
-            simulation = checked(title, parts, system.connections, self.settings, single=True, endless=endless)
+            simulation = checked_simulation(
+                title, parts, system.connections, self.settings, single=True, endless=endless
+            )
         for drive in simulation.drives:
             for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
                 if name in starts and not np.allclose(
@@ -388,7 +367,7 @@ def simulate(single: _SingleRun) -> Result:
     :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
     :param progress: show a progress bar on stderr.
     :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
-    :param isolated: in a process of its own, as in :meth:`System.add`; ``solver``: the same.
+    :param isolated: in a process of its own, as in :meth:`System.add`.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
     :param keywords: further start values, ``theta_0=0.2``; a keyword that is also a setting is the setting, and a
@@ -396,7 +375,7 @@ def simulate(single: _SingleRun) -> Result:
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
-    return run_to_end(single.checked(), **single.settings.of_run())
+    return run_to_end(single.simulation(), **single.settings.run_options())
 
 
 @with_arguments(_SingleRun.assemble)
@@ -416,5 +395,5 @@ def start(single: _SingleRun) -> Run:
     :returns: the run, a context manager that releases the FMUs.
     :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
     """
-    single.settings.require_no_run()
-    return start_run(single.checked(endless=True))
+    single.settings.refuse_run_options()
+    return start_run(single.simulation(endless=True))

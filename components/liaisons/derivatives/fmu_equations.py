@@ -18,7 +18,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values
 from liaisons.cosim.description.variables import Scalar
-from liaisons.cosim.instances import extracted, make
+from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.trial import try_to_start
@@ -68,7 +68,7 @@ class FmuEquations:
             [v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1)
         )
         self.inputs, self.outputs = (
-            [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable(group)]
+            [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable_names(group)]
             for names, default in (
                 (inputs, [n for n in fmu.reals("input") if fmu.variables[n].continuous]),
                 (outputs, fmu.reals("output")),
@@ -78,9 +78,9 @@ class FmuEquations:
         starts, states = self._starts_and_states(values)
         part = SystemComponent(name, fmu, start_values(name, fmu, starts))
         with ExitStack() as stack:
-            folder = extracted([fmu], stack.enter_context(temporary_folder()))[fmu.path]
+            folder = extract_fmus([fmu], stack.enter_context(temporary_folder()))[fmu.path]
             try_to_start(part, folder, (time, time + 1.0))
-            self._instance = cast(ModelExchange, stack.enter_context(make(name, fmu, folder)))
+            self._instance = cast(ModelExchange, stack.enter_context(make_instance(name, fmu, folder)))
             self._instance.initialize(part.starts, None, time, time + 1.0)
             self._instance.exit_initialization()
             self._put, self._in = self._prepared_calls("setter", self.inputs)
@@ -111,7 +111,7 @@ class FmuEquations:
         starts, states = dict(values), {}
         for name in values:
             start = suffixed_name(name, "_0")
-            if name not in present or fmu.variables.entry(name).like.settable:
+            if name not in present or fmu.variables.entry(name).prototype.settable:
                 continue
             if start in present:
                 starts[start] = starts.pop(name)
@@ -137,7 +137,7 @@ class FmuEquations:
         :raises RefusedError: if the FMU discards them.
         """
         self.time = time
-        self._instance.go_to(time, x)
+        self._instance.set_time_and_states(time, x)
         self._in[:] = u
         self._perform_calls([*self._put, *self._get])
         return self._out.copy()
@@ -154,7 +154,9 @@ class FmuEquations:
         ]  # FMUs need not know the derivatives of the others
         result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in identical])
         seed, values = (c_double * len(self.knowns))(), (c_double * len(calculated))()
-        derive = self._instance.directional([self.unknowns[i] for i in calculated], self.knowns, seed, values)
+        derive = self._instance.directional_derivatives(
+            [self.unknowns[i] for i in calculated], self.knowns, seed, values
+        )
         for k, direction in enumerate(directions.T if calculated else ()):
             seed[:] = direction.tolist()
             self._perform_calls([derive])

@@ -27,7 +27,12 @@ from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.running.linearization import Method
 from liaisons.cosim.running.run import run_to_end
-from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned, with_start_values
+from liaisons.cosim.structure.simulation import (
+    SimulationSettings,
+    checked_simulation,
+    variable_reference,
+    with_start_values,
+)
 from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
 from liaisons.errors import RefusedError, SimulationError
 
@@ -120,7 +125,7 @@ class FmuMotion:
         settings = SimulationSettings(
             times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
         )
-        return run_to_end(checked(title, parts, self.system.connections, settings, single=self.single))
+        return run_to_end(checked_simulation(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""
@@ -193,7 +198,7 @@ class FmuMotion:
             name if self.single else f"{part.name}.{name}"
             for part in self.system.parts.values()
             for entry in part.fmu.variables.entries.values()
-            if entry.like.type in _MODES and entry.like.causality in {"output", "local"}
+            if entry.prototype.type in _MODES and entry.prototype.causality in {"output", "local"}
             for name in entry.names()
         ]
 
@@ -317,7 +322,7 @@ def input_functions(
     """
     functions: dict[str, Callable[[float], Any]] = {}
     for name, polynomial in polynomials.items():
-        owner, variable = owned(title, parts, "input", name, single=single)
+        owner, variable = variable_reference(title, parts, "input", name, single=single)
         is_port = Port(parts[owner], variable).triple() is not None
         functions[name] = partial(_value_and_rates, polynomial) if is_port else polynomial
     return functions

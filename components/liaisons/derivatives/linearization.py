@@ -47,7 +47,7 @@ def linearize(
         check_choice("linearize: method", method, get_args(Method))
     chosen_inputs = None if inputs is None else name_list("linearize: inputs", inputs)
     chosen_outputs = None if outputs is None else name_list("linearize: outputs", outputs)
-    if read(path, prefers="ModelExchange").is_sampled:
+    if read(path, prefers="ModelExchange").has_sampled_outputs:
         words = "its outputs hold, and depend on nothing between samples; linearize what it controls"
         raise SimulationError(f"{path.stem} is sampled: {words}")
     with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from liaisons.base.arguments import check_finite, check_positive, merged_start_values, name_dictionary, shown
-from liaisons.cosim.structure.sources import rounding
+from liaisons.cosim.structure.sources import time_rounding
 from liaisons.errors import PlanError
 from liaisons.holding.controllers import After, Controller, ReferenceTrajectory
 from liaisons.holding.feedback import (
@@ -309,7 +309,7 @@ def _reference_trajectory(
     if T / step_size > _MOST_STEPS:
         words = f"more than {_MOST_STEPS} steps; give a longer one"
         raise PlanError(f"{sampled.name}: step_size = {step_size:g} over {T:g} s: {words}")
-    instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
+    instant = max(JUMP_LEAD * T, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
     parts = []
     for begin, end in pairwise([0.0, *motion.switches, T]):
         count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))

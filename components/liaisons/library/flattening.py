@@ -82,7 +82,7 @@ def composed_model(system: System, components: Mapping[str, type[Component]] | N
     return compose(
         identifier(system.name),
         models,
-        {str(c.target): str(c.source) for c in system.connections if not c.impulsive},  # contacts give forces
+        {str(c.target): str(c.source) for c in system.connections if not c.is_impulse},  # contacts give forces
         starts=starts,
     )
 
@@ -92,7 +92,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
     :raises SimulationError: if the catalogue does not have it.
     """
-    part = SystemComponent.of(Path(path).stem, path, {})
+    part = SystemComponent.read(Path(path).stem, path, {})
     derived = _model_of_part(part, {})
     return derived, _start_values(part, derived)
 

@@ -19,6 +19,7 @@ from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.fmu import read_description
 from liaisons.cosim.description.model_description import Attributes
 from liaisons.cosim.structure.components import Port
+from liaisons.cosim.structure.connections import feeds_of
 from liaisons.cosim.structure.scenes import connected_groups, picture_of
 from liaisons.cosim.structure.schedule import execution_order
 from liaisons.errors import SimulationError
@@ -50,12 +51,12 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         parts = {f"{name}.": part for name, part in subject.filled().items()}
         title, text, connections = subject.name, "", subject.connections
     else:
-        part = SystemComponent.of(subject.stem, subject, starts or {})
+        part = SystemComponent.read(subject.stem, subject, starts or {})
         root = read_description(subject).root
         parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
     for part in parts.values():
-        part.fmu.require_library("a live page")
-    feeds = {connection.target.place: connection.source.place for connection in connections}
+        part.fmu.require_file("a live page")
+    feeds = feeds_of(connections)
     ordered = list(execution_order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
@@ -67,7 +68,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
     step = speed / (2 * _FRAMES)
     for part in parts.values():
-        if part.fmu.next_event_time and "period" in part.fmu.variables:  # its samples are communication points
+        if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
     picture = combined_pictures({prefix: picture_of(part) for prefix, part in parts.items()})
@@ -147,7 +148,7 @@ def _component_data(
     ]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in stepped_before}
-    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
+    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_chosen)
     mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
     starts = part.element_starts

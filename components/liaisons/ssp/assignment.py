@@ -58,7 +58,7 @@ def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
     entry = fmu.variables.entry(variable)
-    scalar, (values, unit) = entry.like, quantity
+    scalar, (values, unit) = entry.prototype, quantity
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):

@@ -27,10 +27,10 @@ _FULL = {"Real": "Float64", "Integer": "Int32"}  # of FMI 2.0; FMI 3.0 and SSP 2
 
 def connector_entry(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
     """Scalar or FMI 3.0 array that a variable belongs to, and its index in that; () for all of it."""
-    array = part.fmu.variables.whole(variable)
+    array = part.fmu.variables.whole_array(variable)
     if array is None:
         return part.fmu.variables[variable], ()
-    _, index = array_and_index(variable) if variable != array.like.name else ("", None)
+    _, index = array_and_index(variable) if variable != array.prototype.name else ("", None)
     return array, index or ()
 
 
@@ -38,9 +38,9 @@ def component_connectors(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
     """Connectors of a component by name: those with connections, and those that are shown."""
-    ends = (end.place for connection in connections for end in (connection.source, connection.target))
+    ends = (end.reference for connection in connections for end in (connection.source, connection.target))
     entries = (connector_entry(part, name)[0] for owner, name in (*ends, *shown) if owner == part.name)
-    return {entry.like.name: entry for entry in entries}
+    return {entry.prototype.name: entry for entry in entries}
 
 
 def system_connectors(
@@ -48,13 +48,13 @@ def system_connectors(
 ) -> dict[VariableReference, Entry]:
     """Connectors of the system: outputs of its components, inputs without a source, but no long lists of scalars."""
     targets = (connection.target for connection in connections)
-    fed = {(target.part.name, connector_entry(target.part, target.name)[0].like.name) for target in targets}
+    fed = {(target.part.name, connector_entry(target.part, target.name)[0].prototype.name) for target in targets}
     return {
         (part.name, name): connector_entry(part, name)[0]
         for part in parts
         for key, entry in part.fmu.variables.entries.items()
-        if entry.like.type in _SHOWN.get(entry.like.causality, ())
-        for whole in [part.fmu.variables.whole(key)]
+        if entry.prototype.type in _SHOWN.get(entry.prototype.causality, ())
+        for whole in [part.fmu.variables.whole_array(key)]
         if whole or entry.size <= LONGEST
         for name in ([key] if whole else entry.names())
         if (part.name, name) not in fed
@@ -67,8 +67,8 @@ def add_connectors(parent: Element, connectors: Mapping[str, Entry], units: Unit
         return
     group = SubElement(parent, tag("ssd:Connectors"))
     for name, entry in connectors.items():
-        element = SubElement(group, tag("ssd:Connector"), name=name, kind=entry.like.causality)
-        add_type(element, "ssc", entry.like, units, form)
+        element = SubElement(group, tag("ssd:Connector"), name=name, kind=entry.prototype.causality)
+        add_type(element, "ssc", entry.prototype, units, form)
         add_dimensions(element, entry)
 
 

@@ -87,7 +87,7 @@ def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str,
 
 def _start_line(part: SystemComponent, name: str, value: Value) -> str:
     """Line with the start value of a variable, for ``starts.txt``."""
-    scalar = part.fmu.variables.entry(name).like
+    scalar = part.fmu.variables.entry(name).prototype
     kind, form = ("r", ">d") if scalar.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
     return f"{kind} {scalar.reference} {len(numbers)} {_hexadecimal_bits(form, numbers)} {name}\n"

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.base.arguments import check_finite
 from liaisons.cosim import System
-from liaisons.cosim.description.fmu import DefaultExperiment, usable
+from liaisons.cosim.description.fmu import DefaultExperiment, usable_experiment
 from liaisons.cosim.structure.simulation import common_experiment
 from liaisons.ssp.xml import child_path, tag
 
@@ -86,7 +86,7 @@ def read_experiment(root: Element) -> DefaultExperiment:
         if (step := algorithm.get(attribute)) is not None
     ]
     start = float(attributes.get("startTime", 0.0))
-    span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
+    span = usable_experiment(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
     return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
 
 

@@ -21,7 +21,7 @@ def starts_by_parameter(part: SystemComponent) -> dict[str, Value]:
     """Start values by the names of SSP parameters: elements of FMI 2.0 arrays, and whole FMI 3.0 arrays."""
     values: dict[str, Value] = {}
     for name, value in part.starts.items():
-        is_whole = part.fmu.variables.whole(name) is not None
+        is_whole = part.fmu.variables.whole_array(name) is not None
         values |= {name: value} if is_whole else replace(part, starts={name: value}).element_starts
     return values
 
@@ -34,7 +34,7 @@ def parameter_set(listed: Iterable[ParameterEntry], units: Units, form: Form) ->
     for name, part, variable, value in listed:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
         entry = part.fmu.variables.entry(variable)
-        element = add_type(parameter, "ssv", entry.like, units, form)
+        element = add_type(parameter, "ssv", entry.prototype, units, form)
         element.attrib = {"value": value_text(value), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         add_dimensions(parameter, entry)

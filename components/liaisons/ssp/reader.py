@@ -23,7 +23,7 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.fmu import read as read_fmu
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection, connect_scalars
+from liaisons.cosim.structure.connections import Connection, scalar_connection
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.ssp.assignment import Quantity, mapped_parameters, parameter_quantities, value_for_variable
 from liaisons.ssp.experiment import read_experiment
@@ -172,7 +172,9 @@ def _start_values(
                         _component_name(component), fmu, variable, quantity
                     )
                 else:
-                    logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
+                    logger.warning(
+                        "%s: %s; the parameter is ignored", archive.path, fmu.unknown_variable_message(variable)
+                    )
     return starts
 
 
@@ -208,7 +210,7 @@ def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]
                 words = "they cannot be connected as a whole"
                 raise ConnectError(f"{start} has {len(sources)} elements, {end} has {len(targets)}: {words}")
             joined += [
-                connect_scalars(source, target, structure.conversion(chain, source.unit, target.unit))
+                scalar_connection(source, target, structure.conversion(chain, source.unit, target.unit))
                 for source, target in zip(sources, targets, strict=True)
             ]
         except ConnectError as error:

@@ -30,7 +30,7 @@ from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import SimulationSettings, checked
+from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
 from liaisons.errors import SimulationError
 from liaisons.ssp.connectors import (
     Form,
@@ -123,17 +123,17 @@ def _with_solved_loops(
     :param start_time: [s].
     """
     graph = ConnectionGraph(parts, connections, ())
-    if not graph.loops:
+    if not graph.algebraic_loops:
         return dict(parts)
     settings = SimulationSettings(times=(start_time, start_time + _SHORT))
     try:
-        result = run_to_end(checked(name, parts, connections, settings))
+        result = run_to_end(checked_simulation(name, parts, connections, settings))
     except SimulationError as error:
         logger.warning("%s: its algebraic loops are not solved at the start, for it cannot be run: %s", name, error)
         return dict(parts)
     starts = {owner: dict(part.starts) for owner, part in parts.items()}
-    for owner, variable in (connection.target.place for connection in connections):
-        if owner in graph.cyclic and not parts[owner].fmu.variables.whole(variable):
+    for owner, variable in (connection.target.reference for connection in connections):
+        if owner in graph.cyclic and not parts[owner].fmu.variables.whole_array(variable):
             starts[owner][variable] = float(result[f"{owner}.{variable}"][0])
     return {owner: replace(part, starts=starts[owner]) for owner, part in parts.items()}
 
@@ -179,7 +179,7 @@ def _add_portable(
     shown = [
         p
         for p, entry in system_connectors(parts, connections).items()
-        if entry.like.causality == "output" and not entry.shape
+        if entry.prototype.causality == "output" and not entry.shape
     ]
     for part in parts:
         zeros = _has_nonzero_connected_start(part, connections) and contains_mark(part, ZEROS)
@@ -237,7 +237,7 @@ def _add_connections(
         attributes: dict[str, str] = {}
         for role, end in (("start", connection.source), ("end", connection.target)):
             entry, index = connector_entry(end.part, end.name)
-            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": entry.like.name}
+            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": entry.prototype.name}
             if index:
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
         if connection.conversion == SAME:
@@ -248,7 +248,7 @@ def _add_connections(
             SubElement(element, tag("ssc:LinearTransformation"), numbers)
     for (part, variable), entry in shown.items():
         inside = {"startElement": part, "startConnector": variable}
-        if entry.like.causality == "output":
+        if entry.prototype.causality == "output":
             attributes = inside | {"endConnector": f"{part}_{variable}"}
         else:
             attributes = {"startConnector": f"{part}_{variable}", "endElement": part, "endConnector": variable}
@@ -259,7 +259,7 @@ def _add_connections(
 
 def _add_fmu(files: Files, part: SystemComponent) -> str:
     """Add the FMU file of a component unless it is added already, and return its name in the archive."""
-    part.fmu.require_library("an archive")
+    part.fmu.require_file("an archive")
     path = part.fmu.path
     added = next((name for name, content in files.items() if content == path), None)
     return added or _add_file(files, path.name, path)
@@ -280,7 +280,7 @@ def _refuse_fmi3_arrays(path: Path, parts: Iterable[SystemComponent], connection
     """Raise a SimulationError for FMI 3.0 arrays, which SSP 1.0 does not know."""
     used = [(end.part, end.name) for connection in connections for end in (connection.source, connection.target)]
     used += [(part, name) for part in parts for name in part.starts]
-    arrays = [f"{part.name}.{name}" for part, name in used if part.fmu.variables.whole(name)]
+    arrays = [f"{part.name}.{name}" for part, name in used if part.fmu.variables.whole_array(name)]
     if arrays:
         raise SimulationError(
             f"{path}: {arrays[0]} belongs to an array of FMI 3.0, which SSP 1.0 does not know: choose form='full'"

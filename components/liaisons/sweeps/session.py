@@ -49,7 +49,9 @@ def case_simulator(task: Task) -> Iterator[SimulateCase]:
                 return Failure(str(error), refused=True)
             try:
                 if suspect:
-                    isolated = replace(study.simulation, parts={name: part.apart() for name, part in parts.items()})
+                    isolated = replace(
+                        study.simulation, parts={name: part.isolated_copy() for name, part in parts.items()}
+                    )
                     with Run(isolated, folders) as alone:
                         return _simulate_case(study, alone, parts)
                 run = run or stack.enter_context(Run(study.simulation, folders, again=True))

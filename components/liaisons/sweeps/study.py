@@ -53,7 +53,7 @@ class Study:
     def files(self) -> dict[Path, bytes]:
         """Contents of the FMU files, by path."""
         for fmu in self.fmus():
-            fmu.require_library("a sweep with a journal, or on a cluster,")
+            fmu.require_file("a sweep with a journal, or on a cluster,")
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
     def with_fmu_paths(self, paths: Mapping[Path, Path]) -> Study:
@@ -76,9 +76,9 @@ class Study:
 
         contents = {path: hashlib.sha256(content).digest() for path, content in self.files().items()}
         for name, part in self.simulation.parts.items():
-            add(name, contents[part.fmu.path], sorted(part.starts.items()), *filter(None, [part.solver]))
+            add(name, contents[part.fmu.path], sorted(part.starts.items()))
         run = self.simulation
-        add(sorted((c.source.place, c.target.place, *c.conversion) for c in run.connections))
+        add(sorted((c.source.reference, c.target.reference, *c.conversion) for c in run.connections))
         add(tuple(run.times), run.tolerance, run.coupling, list(self.varied), sorted(run.recorded))
         for name, measure in self.keep.items():
             add(name, measure_identity(measure))

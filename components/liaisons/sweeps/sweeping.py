@@ -19,7 +19,7 @@ from liaisons.base.progress import progress_bar
 from liaisons.cosim import System
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
+from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation, variable_reference
 from liaisons.errors import SimulationError, SweepError
 from liaisons.results import Result
 from liaisons.sweeps import cluster
@@ -155,7 +155,7 @@ def _checked_study(
     single = not isinstance(subject, System)
     if not isinstance(subject, System):
         title, connections = Path(subject).stem, ()
-        parts = {title: SystemComponent.of(title, subject, starts)}
+        parts = {title: SystemComponent.read(title, subject, starts)}
     elif starts:
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
@@ -163,13 +163,13 @@ def _checked_study(
     signals = [signal_and_kind(measure)[0] for measure in keep.values() if isinstance(measure, str)]
     if settings.record is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
         settings = replace(settings, record=())
-    simulation = checked(title, parts, connections, settings, single=single, also=signals)
+    simulation = checked_simulation(title, parts, connections, settings, single=single, also=signals)
 
     def scalar(name: str) -> VariableReference:
         """Component and variable of a name; a SimulationError for an array."""
-        owner, variable = owned(title, parts, "the sweep of", name, single=single)
+        owner, variable = variable_reference(title, parts, "the sweep of", name, single=single)
         if variable not in parts[owner].fmu.variables:
-            raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
+            raise SimulationError(f"{owner}: {parts[owner].fmu.unknown_variable_message(variable)}")
         return owner, variable
 
     for name in signals:

@@ -1,4 +1,4 @@
-"""Calls of FMUs, prepared once and made at every communication step, by Python or by compiled code."""
+"""Calls of FMUs, prepared once and made at each communication step, by Python or by compiled code."""
 
 from __future__ import annotations
 
@@ -13,38 +13,36 @@ from liaisons.cosim.messages import WARNING
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
-"""What a call does; of the last four: directional derivatives, derivatives of inputs and of outputs, a coupled step."""
+"""Action of a call; derive: get directional derivatives; shape: set derivatives of inputs; slope: get derivatives of
+outputs; couple: make a coupled step."""
 
 Failure = Callable[[Action, int, str], SimulationError]
-"""Makes the error of a call: what it was to do, the status that it returned, and when that was."""
+"""Makes the error of a call from its action, the status that it returned, and words for the time."""
 
 COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED = range(12)
 """Kinds of calls, as ``calls.h`` numbers them."""
 
 RAISED = -1
-"""What is no status: an exception in a call that compiled code has asked Python for; it is ``raised`` of the call."""
-
+"""Result of a call of Python from compiled code that has raised an exception; :attr:`Call.raised` is the exception."""
 
 HEADER = Path(__file__).with_name("calls.h")
 
 
 @final
 class CallRecord(Record):
-    """A call as compiled code makes it."""
+    """The structure from which compiled code makes a call."""
 
     _fields_ = structure_fields(HEADER, "Call")
 
 
 @final
 class Call(partial[Any]):
-    """A call without arguments; it returns an FMI status, or None where there can be none.
+    """A function with all its arguments; called, it returns an FMI status, or None for OK.
 
-    A function of C is called by it as by ``functools.partial``, with nothing of Python between.
-
-    :ivar action: what it does.
     :ivar failure: makes its error, of a call that can be refused.
-    :ivar buffers: what the record points to beside the arguments.
-    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled`.
+    :ivar record: how compiled code makes it; its addresses are those of objects that the call keeps alive.
+    :ivar raised: exception of the call, when compiled code has made it.
+    :ivar buffers: objects that the record points to, beside the arguments.
     """
 
     action: Action = "copy"
@@ -53,24 +51,27 @@ class Call(partial[Any]):
     raised: BaseException | None = None
     buffers: object = None
 
-    def with_failure(self, action: Action, failure: Failure) -> Call:
-        """Set what the call does, and what makes its error; returns the call."""
+    def set_failure(self, action: Action, failure: Failure) -> Call:
+        """Set the action, and the function that makes the error; returns the call itself."""
         self.action, self.failure = action, failure
         return self
 
     def error(self, status: int, when: str) -> SimulationError:
-        """The error of a status that the call has returned."""
+        """Error for a status that the call has returned.
+
+        :param when: words for the time.
+        """
         return self.failure(self.action, status, when)
 
     def perform(self, when: str) -> None:
-        """Make the call.
+        """Make the call and check its status.
 
         :raises SimulationError: for a status other than OK and Warning.
         """
         if (status := self()) and status != WARNING:
             raise self.error(status, when)
 
-    def recorded(
+    def set_record(
         self,
         kind: int,
         instance: int | None,
@@ -81,9 +82,9 @@ class Call(partial[Any]):
         size: int = 0,
         more: Any = None,
     ) -> Call:
-        """Set the record by which compiled code makes the call; returns the call.
+        """Set the record from which compiled code makes the call; returns the call itself.
 
-        :param source: address of what is read, or an object of ctypes; ``values`` of what is written.
+        :param source: address, or object of ctypes, that is read; ``values``: that is written.
         """
         function: Any = self.func
         address = None if kind in {COPY, CONVERT} else cast(function, c_void_p).value
@@ -94,20 +95,20 @@ class Call(partial[Any]):
         self.record = CallRecord(kind, address, instance, source, count, values, size, more)
         return self
 
-    def compiled(self) -> CallRecord:
-        """The record by which compiled code makes the call; without one, compiled code calls Python."""
+    def compiled_record(self) -> CallRecord:
+        """Record from which compiled code makes the call; if none was set, it calls Python."""
         if self.record is None:
-            self._asked = _ASKED(self._answer)
-            self.record = CallRecord(PYTHON, cast(self._asked, c_void_p).value)
+            self._callback = _CALLBACK(self._status_or_raised)
+            self.record = CallRecord(PYTHON, cast(self._callback, c_void_p).value)
         return self.record
 
-    def _answer(self) -> int:
-        """Make the call for compiled code; keeps an exception, and returns :data:`RAISED` for it."""
+    def _status_or_raised(self) -> int:
+        """Make the call; returns its status, or :data:`RAISED` if there was an exception, which it stores."""
         try:
             return self() or 0
-        except BaseException as error:  # noqa: BLE001 - nothing gets through compiled code but this
+        except BaseException as error:  # noqa: BLE001 - exceptions cannot pass through compiled code
             self.raised = error
             return RAISED
 
 
-_ASKED = CFUNCTYPE(c_int)
+_CALLBACK = CFUNCTYPE(c_int)

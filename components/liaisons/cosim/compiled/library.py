@@ -1,4 +1,4 @@
-"""The library of communication steps."""
+"""The compiled library of communication steps."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 from liaisons.base.libraries import compiled_library
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
-"""Communication steps; Python makes those of explicit coupling as well, to the same bits."""
+"""Sources of communication steps; Python, too, can make those of explicit coupling, to the same bits."""
 
 
-def steps() -> CDLL | None:
-    """The library of :data:`STEPS`; None if it cannot be compiled or loaded."""
+def step_library() -> CDLL | None:
+    """Compiled library of communication steps; None if it cannot be compiled or loaded."""
     return compiled_library(STEPS, "communication steps are made by Python")

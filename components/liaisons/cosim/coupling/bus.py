@@ -134,13 +134,13 @@ class Bus:
     def _copy_call(self, target: int, source: int, count: int) -> Call:
         bus = self.values.data
         call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
-        return call.recorded(COPY, None, source=self._address(source), count=count, values=self._address(target))
+        return call.set_record(COPY, None, source=self._address(source), count=count, values=self._address(target))
 
     def _conversion_call(self, target: int, source: int, conversion: Conversion) -> Call:
         numbers = np.array(conversion)
         call = Call(_convert, self.values.data, target, source, conversion)
         call.buffers = numbers
-        return call.recorded(CONVERT, numbers.ctypes.data, source=self._address(source), values=self._address(target))
+        return call.set_record(CONVERT, numbers.ctypes.data, source=self._address(source), values=self._address(target))
 
     def _address(self, index: int) -> int:
         return self.values.ctypes.data + index * self.values.itemsize

@@ -69,7 +69,7 @@ class Elimination:
             upper=np.empty(sum(map(len, above))),
             lower=np.empty(sum(map(len, below))),
         )
-        library = compiled.steps()
+        library = compiled.step_library()
         assert library is not None
         if not library.eliminate(byref(self.record)):
             raise RuntimeError("Factor is exactly singular")

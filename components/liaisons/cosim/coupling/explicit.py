@@ -36,7 +36,9 @@ def communication_calls(simulation: Simulation, instances: Instances, bus: Bus) 
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     parts = simulation.parts.items()
-    newest = {name for name, part in parts if part.approximation.method in {None, 2} and not part.fmu.is_sampled}
+    newest = {
+        name for name, part in parts if part.approximation.method in {None, 2} and not part.fmu.has_sampled_outputs
+    }
     return CommunicationCalls(
         calls(schedule.consistent_program(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent_program(order, feeds, depends)),
@@ -51,7 +53,7 @@ def _operation_calls(
     action, name = operation
     if name == SIGNALS:
         drives = simulation.drives if action == "get" else ()
-        return [Call(_evaluate_drive, drive, bus.end, bus.view(drive.places)) for drive in drives]
+        return [Call(_evaluate_drive, drive, bus.end, bus.view(drive.references)) for drive in drives]
     instance, variables = instances[name], simulation.parts[name].fmu.variables
     if action == "step":
         return [instance.stepper(bus.start, bus.size)]

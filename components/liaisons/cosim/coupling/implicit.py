@@ -20,7 +20,7 @@ from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, rounding
+from liaisons.cosim.structure.sources import SIGNALS, time_rounding
 
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
@@ -39,10 +39,14 @@ class Coupled:
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
         references = [reference for name in (SIGNALS, *parts) for reference in bus.connected_outputs[name]]
-        groups, cyclic, prescribed = simulation.groups, simulation.cyclic, simulation.prescribed
+        groups, cyclic, prescribed = simulation.strong_components, simulation.cyclic, simulation.chosen_reconstructions
         self.signals = signals = Signals(parts, feeds, references, prescribed)
         self._drives = [
-            (drive, [signals.index[r] for r in drive.places], [signals.slope_index(r) for r in drive.places[2:]])
+            (
+                drive,
+                [signals.index[r] for r in drive.references],
+                [signals.slope_index(r) for r in drive.references[2:]],
+            )
             for drive in simulation.drives
         ]
         self._components: list[StrongComponent] = []
@@ -63,12 +67,12 @@ class Coupled:
                 leading[component_of[source]].append(signals.curve(target))
         *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
         self.memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
-        library = compiled.steps()
+        library = compiled.step_library()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._system_record()
         advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
-        self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._raise_failure)
+        self.advance = advance.set_record(COUPLED, addressof(self._record)).set_failure("couple", self._raise_failure)
 
     def _system_record(self) -> SystemRecord:
         """Prepare the system for compiled code."""
@@ -84,7 +88,7 @@ class Coupled:
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
         record.point(components=(StrongComponentRecord * len(components))(*records))
         record.point(histories=(SignalHistoryRecord * len(histories))(*histories))
-        record.drive = self._drive_call.compiled().function if self._drives else None
+        record.drive = self._drive_call.compiled_record().function if self._drives else None
         record.orders, record.instants = INSIDE.shape
         record.point(before=signals.before, now=signals.now, earlier=signals.earlier, since=signals.since)
         record.point(sizes=signals.sizes, result=signals.result, rates=signals.rates, kind=signals.kinds, inside=INSIDE)
@@ -167,7 +171,7 @@ class Coupled:
         """A later instant of the piece that starts at this one [s]; None without one, or without functions of time."""
         if not self._drives:
             return None
-        index = bisect_right(self._times, time + rounding(time))
+        index = bisect_right(self._times, time + time_rounding(time))
         if index == len(self._times):
             return None
         breaks = [(time + instant) / 2 for drive, *_ in self._drives if (instant := drive.next_break(time)) is not None]

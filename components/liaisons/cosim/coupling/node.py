@@ -118,7 +118,7 @@ class Node:
         self._get = [instance.getter(self.outputs, self._read)] if outputs else []
         self._slope_values, self._rate_values = np.zeros(len(outputs)), np.zeros(len(inputs))
         read_slopes = self._prepare_output_derivatives()
-        moves_as_set = prescribed or part.fmu.is_sampled  # which reads inputs at communication points
+        moves_as_set = prescribed or part.fmu.has_sampled_outputs  # which reads inputs at communication points
         self._motion = motion = self._input_motion_calls(None if moves_as_set else part.approximation.interface)
         self.error_order = motion.error_order
         move = [*motion.before, instance.stepper(bus.start, bus.size)]
@@ -148,7 +148,7 @@ class Node:
         terms, arrays = polynomial_arrays(self.curves, self._signals.zero, HIGHEST if every else 1)
         if interface == "intermediate update":
             values = np.empty((INTERMEDIATE_INSTANTS, len(inputs)))
-            update = instance.intermediate_update(inputs, values)
+            update = instance.prepare_intermediate_inputs(inputs, values)
             return InputMotionCalls(AT_INSTANTS, [update], put, order, {"shape": values, **arrays})
         derivatives = np.empty(len(terms))
         set_derivatives = self._input_derivatives_call(terms, derivatives)
@@ -172,10 +172,10 @@ class Node:
         It omits the rates that the FMU adds itself, those of active coordinates; other inputs it takes for constant.
         """
         product = np.empty(len(self.outputs))
-        curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
+        curves = (Port(self.part, variable.name).motion_and_order() for variable in self.inputs)
         holds = self.part.approximation.method == 0
         unknown = np.array([holds or triple is None or order == 2 for triple, order in curves])
-        derive = self._instance.directional(self.outputs, self.inputs, self._rate_values, product)
+        derive = self._instance.directional_derivatives(self.outputs, self.inputs, self._rate_values, product)
 
         def add_feedthrough() -> int | None:
             self._rate_values *= unknown
@@ -183,7 +183,7 @@ class Node:
             self._slope_values += product
             return status
 
-        return self._instance.prepared("derive", add_feedthrough)
+        return self._instance.prepare_call("derive", add_feedthrough)
 
     def _input_derivatives_call(self, inputs_and_orders: Sequence[tuple[int, int]], values: Vector) -> Call:
         """A call that sets derivatives of inputs, of some order each, to values."""
@@ -246,7 +246,7 @@ class Node:
                 outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
                     column = self._bus.add_gains([(self.name, o.name) for o in outputs], (self.name, input_.name))
-                gains.calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
+                gains.calls.append(self._instance.directional_derivatives(outputs, [input_], np.ones(1), column))
                 gains.values.append(column)
                 gains.pairs.extend((i, k) for i in rows)
         return gains

@@ -70,5 +70,5 @@ class SystemRecord(Record):
 
 def call_records(calls: Iterable[Call]) -> Array[CallRecord]:
     """The records of calls, as an array of C."""
-    array = [call.compiled() for call in calls]
+    array = [call.compiled_record() for call in calls]
     return (CallRecord * len(array))(*array)

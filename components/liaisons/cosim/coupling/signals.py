@@ -33,12 +33,12 @@ def port_and_order(parts: Components, feeds: Feeds, source: VariableReference) -
     :returns: without a port, the output alone and 0.
     """
     if source[0] == SIGNALS:
-        triple, order = Port(parts[(target := driven_input(feeds, source))[0]], target[1]).curve()
-        sources = [feeds.get(end.place, ("?", "")) for end in triple or ()]
+        triple, order = Port(parts[(target := driven_input(feeds, source))[0]], target[1]).motion_and_order()
+        sources = [feeds.get(end.reference, ("?", "")) for end in triple or ()]
         whole = triple is not None and all(name == SIGNALS for name, _ in sources)
         return (sources, order) if whole else ([source], 0)
-    triple, order = Port(parts[source[0]], source[1]).curve()
-    return ([end.place for end in triple], order) if triple else ([source], 0)
+    triple, order = Port(parts[source[0]], source[1]).motion_and_order()
+    return ([end.reference for end in triple], order) if triple else ([source], 0)
 
 
 def driven_input(feeds: Feeds, drive: VariableReference) -> VariableReference:
@@ -250,5 +250,5 @@ class SignalHistory:
         record = SignalHistoryRecord(made=len(self.made))
         record.point(**dict(zip(("past", "spans", "depth"), self.memory.arrays, strict=True)))
         record.point(values=self.made, instants=self.instants, others=self.others)
-        record.step_in_thirds = step_in_thirds and step_in_thirds.compiled().function
+        record.step_in_thirds = step_in_thirds and step_in_thirds.compiled_record().function
         return record

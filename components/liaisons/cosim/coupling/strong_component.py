@@ -78,7 +78,7 @@ class Newton:
         record.point(slots=slot_of_entry, derivatives=np.array([e[2] for e in entries], dtype=np.uintp))
         record.point(factors=np.array([e[3] for e in entries]), powers=as_indices([e[4] for e in entries]))
         record.point(values=elimination.values)
-        record.order = self.choose_pivots.compiled().function
+        record.order = self.choose_pivots.compiled_record().function
 
 
 def _motion_entries(port: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:

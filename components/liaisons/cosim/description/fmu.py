@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, Literal, TypeVar, final
+from typing import IO, Literal, final
 
 import fmpy
 
@@ -24,8 +25,6 @@ LONGEST = 1000
 
 DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
-
-_T = TypeVar("_T")
 
 
 @final
@@ -48,69 +47,69 @@ class Fmu:
     :param is_model_exchange: whether it is used for Model Exchange, with a solver of ours.
     :param states: number of continuous states, and ``indicators`` of event indicators (FMI 2.0).
     :param continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
-    :param completes: whether it needs completedIntegratorStep in Model Exchange.
+    :param needs_completed_step: whether Model Exchange has to call completedIntegratorStep.
     :param guid: GUID, or instantiation token.
     :param binary: path of the library for this platform in the archive.
     :param variable_step: whether communication steps may differ in length.
     :param can_get_and_set_state: whether its state can be saved and restored.
     :param provides_directional_derivatives: whether it calculates them.
     :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
-    :param inside_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
+    :param takes_intermediate_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
     :param output_derivative_order: highest order of output derivatives that can be read.
     :param unpacked: size of its files in bytes.
-    :param function: of Python, which it is in place of a library; None: it has one.
+    :param function: of Python, called instead of a library; None: the FMU has a library.
     """
 
     path: Path
-    version: int
-    is_model_exchange: bool
-    states: int
-    continuous_states: tuple[tuple[int, int], ...]
-    indicators: int
-    completes: bool
     model_name: str
-    identifier: str
-    guid: str
-    binary: str
-    variable_step: bool
-    can_get_and_set_state: bool
-    provides_directional_derivatives: bool
-    input_derivatives: bool
-    inside_inputs: bool
-    output_derivative_order: int
-    unpacked: int
-    log_categories: tuple[str, ...]
-    experiment: DefaultExperiment
     variables: Variables
-    units: Mapping[str, UnitDefinition]
     terminals: Terminals = field(repr=False)
-    _outputs: Table = field(repr=False)
-    _initial: Table = field(repr=False)
+    version: int = 2
+    is_model_exchange: bool = False
+    states: int = 0
+    continuous_states: tuple[tuple[int, int], ...] = ()
+    indicators: int = 0
+    needs_completed_step: bool = False
+    identifier: str = ""
+    guid: str = ""
+    binary: str = ""
+    variable_step: bool = True
+    can_get_and_set_state: bool = True
+    provides_directional_derivatives: bool = False
+    input_derivatives: bool = False
+    takes_intermediate_inputs: bool = False
+    output_derivative_order: int = 0
+    unpacked: int = 0
+    log_categories: tuple[str, ...] = ()
+    experiment: DefaultExperiment = DefaultExperiment()
+    units: Mapping[str, UnitDefinition] = field(default_factory=dict)
+    _outputs: Table = field(default_factory=dict, repr=False)
+    _initial: Table = field(default_factory=dict, repr=False)
     function: object = None
 
     @property
     def arrays(self) -> Mapping[str, Shape]:
-        """Name -> shape of arrays: those of FMI 3.0, and ``x[1]``, ``x[2]``, ... of FMI 2.0."""
+        """Shapes of arrays by name: variables of FMI 3.0, and ``x[1]``, ``x[2]``, ... of FMI 2.0."""
         return self.variables.arrays
 
     def elements(self, name: str) -> list[str]:
-        """Names of the elements of an array, or of a scalar itself.
+        """Names of the elements of an array; of a scalar, its own.
 
         :raises KeyError: for an unknown name.
         """
         return list(self.variables.entry(name).names())
 
     def reals(self, *causalities: str, longest: float = math.inf) -> list[str]:
-        """Names of the real scalars of these causalities, in the order of the file.
+        """Names of real scalars of some causalities, in the order of the file.
 
         :param longest: arrays with more elements are left out.
         """
         return self._scalars({"Real"}, causalities, longest)
 
     def recorded(self, types: Collection[str] = RECORDED) -> list[str]:
-        """Names that are recorded by default: outputs and inputs, without arrays above :data:`LONGEST`.
+        """Names that are recorded by default: outputs and inputs, without arrays longer than :data:`LONGEST`.
 
-        An FMU without any: so many local variables.
+        If there are none, local variables, :data:`LONGEST` of them at most.
         """
         names = self._scalars(types, ("output", "input"), LONGEST)
         return names or self._scalars(types, ("local",), LONGEST)[:LONGEST]
@@ -119,15 +118,15 @@ class Fmu:
         return [
             name
             for entry in self.variables.entries.values()
-            if entry.like.type in types and entry.like.causality in causalities and entry.size <= longest
+            if entry.prototype.type in types and entry.prototype.causality in causalities and entry.size <= longest
             for name in entry.names()
         ]
 
     @property
-    def next_event_time(self) -> Scalar | None:
-        """The variable with the next instant [s] at which outputs jump, or the greatest double; None if there is none.
+    def next_event_variable(self) -> Scalar | None:
+        """The variable ``next_event_time``, the next instant [s] at which outputs jump; None without such a variable.
 
-        FMUs of liaisons have it if their component has such instants; the name is reserved there.
+        FMUs of liaisons whose outputs jump at such instants have it; its greatest value means that none follows.
         """
         event = self.variables.entries.get("next_event_time")
         if not isinstance(event, Scalar):
@@ -136,29 +135,28 @@ class Fmu:
         return event if marked else None
 
     @property
-    def is_sampled(self) -> bool:
-        """Whether outputs change at announced events only, so that inputs are read at these only."""
-        if self.next_event_time is None:
+    def has_sampled_outputs(self) -> bool:
+        """Whether all outputs are discrete and their next change is announced, as those of a sampled controller."""
+        if self.next_event_variable is None:
             return False
         return not any(self.variables[name].continuous for name in self._scalars(RECORDED, ("output",), math.inf))
 
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
-        """Whether an output depends directly on an input, in step mode or in initialization mode."""
+        """Whether an output depends directly on an input, in step mode or, if ``initially``, in initialization mode."""
         variable = self.variables[output]
         inputs = (self._initial if initially else self._outputs).get(variable.index)
         return inputs is None or self.variables[input_].index in inputs
 
-    def require_library(self, task: str) -> None:
-        """Refuse a function of Python.
+    def require_file(self, task: str) -> None:
+        """Raise an error if the FMU is a function of Python, which has no file.
 
-        :param task: what needs a library, as ``"an archive"``.
-        :raises SimulationError: if it is one.
+        :param task: the task that needs a file, such as ``"an archive"``.
         """
         if self.function is not None:
             raise SimulationError(f"{self.model_name}: {task} takes no function of Python; declare a Sampled component")
 
-    def unknown(self, name: str, *others: str) -> str:
-        """Message for a variable that does not exist; ``others`` are further names to suggest."""
+    def unknown_variable_message(self, name: str, *suggestions: str) -> str:
+        """Message for a variable that does not exist; it may propose variables and further ``suggestions``."""
         base, index = array_and_index(name)
         if base in self.arrays:
             shape = self.arrays[base]
@@ -166,7 +164,7 @@ class Fmu:
             return f"{self.path.name} has no variable {name!r}; the array has {bounds}"
         entries = self.variables.entries
         known = [f"{other}{name[len(base) :]}" if index and other in self.arrays else other for other in entries]
-        return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *others])}"
+        return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *suggestions])}"
 
 
 def read(
@@ -175,7 +173,7 @@ def read(
     *,
     prefers: Literal["CoSimulation", "ModelExchange"] = "CoSimulation",
 ) -> Fmu:
-    """Read the description of an FMU; cached until the file changes.
+    """Description of an FMU, read from its file; cached until the file changes.
 
     :param sizes: new values of structural parameters, which change the shapes of arrays.
     :param prefers: the interface type to use, where it has both.
@@ -188,26 +186,27 @@ def read(
 
 @lru_cache(maxsize=64)
 def _read(path: Path, sizes: tuple[tuple[str, int], ...], prefers: str, *_identity: int) -> Fmu:
-    with Archive(path) as archive:
-        return _read_from(archive, lambda file: _make_fmu(path, archive, parse(file, dict(sizes)), prefers))
+    with Archive(path) as archive, _open_description(archive) as file:
+        return _make_fmu(path, archive, parse(file, dict(sizes)), prefers)
 
 
 def read_description(path: Path) -> Description:
-    """Read the model description alone, with all attributes of its variables.
+    """Model description of an FMU alone, with all attributes of its variables.
 
-    :raises SimulationError: as :func:`read`, but for what beside the model description is not looked at.
+    :raises SimulationError: as :func:`read`, but other files of the FMU are not checked.
     """
-    with Archive(path) as archive:
-        return _read_from(archive, lambda file: parse(file, {}, keeps_attributes=True))
+    with Archive(path) as archive, _open_description(archive) as file:
+        return parse(file, {}, keeps_attributes=True)
 
 
-def _read_from(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
-    """Return the result of a function that reads the model description in an archive."""
+@contextmanager
+def _open_description(archive: Archive) -> Iterator[IO[bytes]]:
+    """Open the model description of an archive, and name its path in errors of reading it."""
     if DESCRIPTION not in archive.names:
         raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
     with archive.open(DESCRIPTION) as file:
         try:
-            return read(file)
+            yield file
         except ValueError as error:
             reason = " ".join(str(error).split())
             raise SimulationError(f"{archive.path}: its {DESCRIPTION} cannot be read: {reason}") from error
@@ -229,6 +228,10 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
             raise ValueError(f"fmiModelDescription has no {attribute!r}")
     if "modelIdentifier" not in kind:
         raise ValueError(f"{name} has no 'modelIdentifier'")
+
+    def is_true(*names: str) -> bool:  # FMI 2.0 and 3.0 differ in some names
+        return any(kind.get(attribute) in {"true", "1"} for attribute in names)
+
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
@@ -238,22 +241,20 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
         states=description.states,
         continuous_states=description.continuous_states,
         indicators=int(root.get("numberOfEventIndicators") or 0),
-        completes=_is_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
+        needs_completed_step=is_true("completedIntegratorStepNotNeeded", "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
-        binary=_binary_path(path, archive, kind["modelIdentifier"], two=two),
-        variable_step=is_model_exchange or _is_true(kind, "canHandleVariableCommunicationStepSize"),
-        can_get_and_set_state=_is_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
-        provides_directional_derivatives=_is_true(
-            kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"
-        ),
-        input_derivatives=is_model_exchange or (two and _is_true(kind, "canInterpolateInputs")),
-        inside_inputs=not two and _is_true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
+        binary=_binary_path(path, archive, kind["modelIdentifier"], is_fmi_2=two),
+        variable_step=is_model_exchange or is_true("canHandleVariableCommunicationStepSize"),
+        can_get_and_set_state=is_true("canGetAndSetFMUstate", "canGetAndSetFMUState"),
+        provides_directional_derivatives=is_true("providesDirectionalDerivative", "providesDirectionalDerivatives"),
+        input_derivatives=is_model_exchange or is_true("canInterpolateInputs"),
+        takes_intermediate_inputs=is_true("providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=1 if is_model_exchange else int(kind.get("maxOutputDerivativeOrder", 0)),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),
-        experiment=_experiment(description.experiment),
+        experiment=_default_experiment(description.experiment),
         variables=description.variables,
         units=description.units,
         terminals=read_terminals(archive, description.variables),
@@ -262,24 +263,20 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
     )
 
 
-def _is_true(attributes: Mapping[str, str], name: str) -> bool:
-    return attributes.get(name, "false") in {"true", "1"}
-
-
-def _experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
+def _default_experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
     try:
         texts = (attributes.get(name) for name in ("startTime", "stopTime", "stepSize", "tolerance"))
         experiment = DefaultExperiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
         raise ValueError(f"DefaultExperiment: {error}") from None
     start = experiment.start_time if experiment.start_time and math.isfinite(experiment.start_time) else None
-    stop_time, step_size = usable(start or 0.0, experiment.stop_time, experiment.step_size)
+    stop_time, step_size = usable_experiment(start or 0.0, experiment.stop_time, experiment.step_size)
     tolerance = experiment.tolerance if experiment.tolerance and 0 < experiment.tolerance < math.inf else None
     return DefaultExperiment(start, stop_time, step_size, tolerance)
 
 
-def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
-    """Stop time and step size of a default experiment; None for values that cannot be simulated."""
+def usable_experiment(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
+    """Stop time and step size of a default experiment, each None if it cannot be simulated."""
     if step is not None and not 0 < step < math.inf:
         step = None
     if stop is not None and not start < stop < math.inf:
@@ -292,11 +289,16 @@ def usable(start: float, stop: float | None, step: float | None) -> tuple[float 
 _MOST_STEPS = 1e12
 
 
-def _binary_path(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
-    """Path of this platform's library in the archive: in a folder of FMI 2.0, or of 2.0.4 and 3.0."""
+def _binary_path(path: Path, archive: Archive, identifier: str, *, is_fmi_2: bool) -> str:
+    """Path of this platform's library inside an archive.
+
+    Folders are called as in FMI 2.0.4 and 3.0, or, for FMI 2.0, by the older names.
+    """
     files, library = archive.names, identifier + fmpy.sharedLibraryExtension
     folders = [fmpy.platform_tuple]
-    if two and (fmpy.architecture.startswith("x86") or fmpy.system == "darwin"):  # fmpy.platform says linux64 on ARM
+    if is_fmi_2 and (
+        fmpy.architecture.startswith("x86") or fmpy.system == "darwin"
+    ):  # fmpy.platform says linux64 on ARM
         folders.append(fmpy.platform)
     for folder in folders:
         if f"binaries/{folder}/{library}" in files:

@@ -43,15 +43,15 @@ Table = dict[int, frozenset[int] | None]
 
 
 def parse(file: IO[bytes], sizes: Mapping[str, int], *, keeps_attributes: bool = False) -> Description:
-    """Read a model description.
+    """Content of a model description.
 
     :param sizes: new values of structural parameters.
-    :param keeps_attributes: :attr:`Description.attributes` are wanted, too.
+    :param keeps_attributes: whether :attr:`Description.attributes` and ``items`` are collected, too.
     :raises ValueError: for XML that is not well-formed, missing attributes, invalid numbers and references, and more
         content than fits into memory.
     """
     description = Description(sizes, keeps_attributes=keeps_attributes)
-    documents.parse(file, description.start)
+    documents.parse(file, description.read_tag)
     return description.finish()
 
 
@@ -63,13 +63,14 @@ _Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
 class _Elements:
     """FMI 2.0 scalars ``name[1]``, ``name[2]``, ..., which form an array if none is missing."""
 
-    like: Scalar
+    prototype: Scalar
     references: array[int] = field(default_factory=lambda: array("L"))
     indices: array[int] = field(default_factory=lambda: array("L"))
     starts: list[str | None] = field(default_factory=list)
-    shapes: list[Shape] | None = None  # kept when the indices are not simply 1, 2, 3, ...
+    shapes: list[Shape] | None = None  # indices, unless these are simply 1, 2, 3, ...
 
     def add(self, variable: Scalar, index: Shape) -> None:
+        """Append an element with its indices in the array."""
         count = len(self.references)
         if self.shapes is None and index != (count + 1,):
             self.shapes = [(k,) for k in range(1, count + 1)]
@@ -79,33 +80,37 @@ class _Elements:
         self.indices.append(variable.index)
         self.starts.append(variable.start)
 
-    def entries(self, *, free: bool) -> dict[str, Entry]:
-        """The array; or its members one by one if some are missing or a scalar has its name."""
+    def entries(self, *, name_is_free: bool) -> dict[str, Entry]:
+        """The array, by its name; or its elements, by theirs, if some are missing or a scalar has its name."""
         count = len(self.references)
         shape = (count,) if self.shapes is None else complete_shape(self.shapes)
-        if shape is not None and free:
+        if shape is not None and name_is_free:
             starts = self.starts if any(start is not None for start in self.starts) else ()
-            return {self.like.name: Array(self.like, shape, self.references, starts, self.indices, whole=False)}
+            return {
+                self.prototype.name: Array(
+                    self.prototype, shape, self.references, starts, self.indices, is_variable=False
+                )
+            }
         shapes = self.shapes or [(k,) for k in range(1, count + 1)]
         members = zip(shapes, self.references, self.starts, self.indices, strict=True)
         return {
-            name: replace(self.like, name=name, reference=reference, start=start, index=place)
-            for index, reference, start, place in members
-            for name in [f"{self.like.name}[{','.join(map(str, index))}]"]
+            name: replace(self.prototype, name=name, reference=reference, start=start, index=position)
+            for index, reference, start, position in members
+            for name in [f"{self.prototype.name}[{','.join(map(str, index))}]"]
         }
 
 
 @final
 class Description:
-    """Content of a model description, collected from start tags: the order of the sections is fixed.
+    """Content of a model description, collected tag by tag; the order of its sections is fixed.
 
     :ivar kinds: attributes by interface type.
     :ivar states: number of continuous states (FMI 2.0).
     :ivar continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :ivar exact: outputs with ``initial="exact"``.
     :ivar fixed_inputs: inputs that cannot be set in intermediate update mode.
-    :ivar attributes: those of each variable in the file and of its type's element, by name; ``tag`` is the type.
-    :ivar items: values of the items of enumeration types, by their names and those of the types.
+    :ivar attributes: attributes of each variable and of its type's element, by name; ``tag`` is the type.
+    :ivar items: values of the items of enumeration types, by the name of the type, then of the item.
     """
 
     def __init__(self, sizes: Mapping[str, int], *, keeps_attributes: bool = False) -> None:
@@ -136,7 +141,7 @@ class Description:
         self._count = 0
         self._inputs: set[int] = set()
         self._index: dict[int, int] = {}  # FMI 3.0: value reference -> index
-        self._known: dict[str, frozenset[int]] = {}  # by the text of the attribute, which many unknowns share
+        self._input_sets: dict[str, frozenset[int]] = {}  # by the text of the attribute, which many unknowns share
         self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._read_root,
@@ -150,27 +155,27 @@ class Description:
             "ModelStructure": self._end_variables,
         }
 
-    def start(self, tag: str, attributes: Attributes) -> None:
-        """Handle a start tag."""
+    def read_tag(self, tag: str, attributes: Attributes) -> None:
+        """Add the content of a start tag."""
         handler = self._handlers.get(tag)
         if handler is not None:
             handler(attributes)
             self._count_memory(_BYTES_OF_TAG)
 
     def _count_memory(self, size: int) -> None:
-        """Add to the estimate of memory in bytes.
+        """Add a size in bytes to the estimate of memory.
 
-        :raises ValueError: above the limit.
+        :raises ValueError: if the estimate exceeds the limit.
         """
         self._memory += size
         if self._memory > _MOST_MEMORY:
             raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
     def finish(self) -> Description:
-        """Complete the description after the last tag; returns it."""
+        """Complete the description after the last tag; returns the description itself."""
         self._end_variables({})
         self.states = len(self._derivatives)
-        pairs = ((index, self._index_of(self._differentiated.get(index, -1))) for index in self._derivatives)
+        pairs = ((index, self._variable_index(self._differentiated.get(index, -1))) for index in self._derivatives)
         self.continuous_states = tuple((index, state) for index, state in pairs if state >= 0)
         if not self.root:
             raise ValueError("its root is not fmiModelDescription")
@@ -194,12 +199,12 @@ class Description:
         self.units[name] = UnitDefinition.from_attributes(name, attributes)
 
     def _add_item(self, attributes: Attributes) -> None:
-        """Add an item to the enumeration type that :attr:`_type` names."""
+        """Add an item to the enumeration type of the enclosing tag."""
         if self._keeps_attributes and "name" in self._type:
             self.items.setdefault(self._type["name"], {})[attributes.get("name", "")] = int(attributes.get("value", 0))
 
     def _add_real_type(self, attributes: Attributes) -> None:
-        """Keep the unit of a real type, whose name stands in its parent in FMI 2.0."""
+        """Add a real type with its unit; in FMI 2.0 the enclosing tag has the name."""
         self._type_units[attributes.get("name") or self._type["name"]] = attributes.get("unit", "")
 
     # ---- variables
@@ -207,36 +212,29 @@ class Description:
     def _begin_variables(self, _: Attributes) -> None:
         if self.root["fmiVersion"].startswith("2."):
             self._handlers["ScalarVariable"] = partial(setattr, self, "_scalar")
-            self._handlers |= {tag: self._scalar_handler(tag, kind) for tag, kind in _FMI_2.items()}
+            self._handlers |= {tag: partial(self._add_typed_scalar, kind, tag) for tag, kind in _FMI_2.items()}
             return
-        self._handlers |= {tag: self._variable_handler(tag, kind) for tag, kind in _FMI_3.items()}
+        self._handlers |= {tag: partial(self._add_variable, kind, tag) for tag, kind in _FMI_3.items()}
         self._handlers |= {"Dimension": self._add_dimension, "Start": self._add_start_value, "Alias": self._add_alias}
 
-    def _scalar_handler(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
-        base = "Integer" if tag == "Enumeration" else tag
+    def _add_typed_scalar(self, kind: VariableType, tag: str, attributes: Attributes) -> None:
+        """Add the scalar of FMI 2.0 whose type this tag gives."""
+        if self._scalar is not None:  # else a tag of the same name elsewhere
+            self._add_scalar(self._make_variable(kind, tag, "Integer", self._scalar, attributes))
+            self._scalar = None
 
-        def handle(attributes: Attributes) -> None:
-            if self._scalar is not None:  # else a tag of the same name elsewhere
-                self._add(self._make_variable(kind, tag, base, self._scalar, attributes))
-                self._scalar = None
-
-        return handle
-
-    def _variable_handler(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
-        base = "Int64" if tag == "Enumeration" else tag
-
-        def handle(attributes: Attributes) -> None:
-            variable = self._make_variable(kind, tag, base, attributes, attributes)
-            self._index[variable.reference] = variable.index
-            self._pending = (variable, [], [])
-            self._entries[variable.name] = self._pending
-            self._count_memory(_BYTES_OF_VARIABLE)
-
-        return handle
+    def _add_variable(self, kind: VariableType, tag: str, attributes: Attributes) -> None:
+        """Add a variable of FMI 3.0, whose dimensions may follow."""
+        variable = self._make_variable(kind, tag, "Int64", attributes, attributes)
+        self._index[variable.reference] = variable.index
+        self._pending = (variable, [], [])
+        self._entries[variable.name] = self._pending
+        self._count_memory(_BYTES_OF_VARIABLE)
 
     def _make_variable(
-        self, kind: VariableType, tag: str, base: str, attributes: Attributes, typed: Attributes
+        self, kind: VariableType, tag: str, enumeration_base: str, attributes: Attributes, typed: Attributes
     ) -> Scalar:
+        """Scalar with the attributes of a variable and of the element with its type; counts it."""
         index = self._count
         self._count += 1
         reference = int(attributes["valueReference"])
@@ -264,7 +262,7 @@ class Description:
             name=attributes["name"],
             reference=reference,
             type=kind,
-            base=base,
+            base=enumeration_base if kind == "Enumeration" else tag,
             causality=causality,
             settable=free and attributes.get("variability") != "constant",
             start=start,
@@ -273,14 +271,15 @@ class Description:
             continuous=kind == "Real" and attributes.get("variability", "continuous") == "continuous",
         )
 
-    def _add(self, variable: Scalar) -> None:
+    def _add_scalar(self, variable: Scalar) -> None:
+        """Add a scalar of FMI 2.0, an element of an array if its name has indices."""
         base, index = array_and_index(variable.name)
         if index is not None:
             group = self._entries.get(f"{base}[")  # no variable has such a name
             if group is None:
                 group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
                 self._count_memory(_BYTES_OF_VARIABLE)
-            if isinstance(group, _Elements) and _KIND(group.like) == _KIND(variable):
+            if isinstance(group, _Elements) and _KIND(group.prototype) == _KIND(variable):
                 group.add(variable, index)
                 return
         self._entries[variable.name] = variable
@@ -303,7 +302,7 @@ class Description:
     # ---- structure
 
     def _end_variables(self, _: Attributes) -> None:
-        """Make the variables from the tags read so far, and take the next tags for the model structure."""
+        """Make the variables, whose tags are complete, and set the handlers of the model structure."""
         if "Unknown" in self._handlers or not self.root:
             return
         pending = [entry for entry in self._entries.values() if isinstance(entry, tuple)]
@@ -315,7 +314,7 @@ class Description:
         entries: dict[str, Entry] = {}
         for name, entry in self._entries.items():
             if isinstance(entry, _Elements):
-                entries |= entry.entries(free=entry.like.name not in self._entries)
+                entries |= entry.entries(name_is_free=entry.prototype.name not in self._entries)
             else:
                 entries[name] = (
                     _make_entry(entry, sizes, resized=bool(self._sizes)) if isinstance(entry, tuple) else entry
@@ -335,38 +334,44 @@ class Description:
         self._table = table
 
     def _add_unknown(self, number: str, table: Table | None, attributes: Attributes) -> None:
-        words = attributes.get("dependencies")
+        """Add the dependencies of an unknown to a table; ``number`` is the attribute that tells the variable."""
+        dependencies = attributes.get("dependencies")
         if table is not None:
-            index = self._index_of(int(attributes[number]))
-            table[index] = None if words is None else self._inputs_of(words)
+            index = self._variable_index(int(attributes[number]))
+            table[index] = None if dependencies is None else self._input_indices(dependencies)
 
-    def _index_of(self, number: int) -> int:
-        """Index of a variable by its value reference, or position from 1 in FMI 2.0; -1 if there is none."""
+    def _variable_index(self, number: int) -> int:
+        """Index of the variable with a value reference or, in FMI 2.0, a position from 1; -1 if there is none."""
         return self._index.get(number, -1) if self._index else number - 1
 
-    def _inputs_of(self, words: str) -> frozenset[int]:
-        if words not in self._known:
-            numbers = list(map(int, words.split()))
+    def _input_indices(self, dependencies: str) -> frozenset[int]:
+        """Indices of the inputs among the variables of an attribute ``dependencies``."""
+        if dependencies not in self._input_sets:
+            numbers = list(map(int, dependencies.split()))
             self._count_memory(_BYTES_OF_INDEX * len(numbers))
-            self._known[words] = frozenset(self._inputs.intersection(map(self._index_of, numbers)))
-        return self._known[words]
+            self._input_sets[dependencies] = frozenset(self._inputs.intersection(map(self._variable_index, numbers)))
+        return self._input_sets[dependencies]
 
 
 def _make_entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
-    """A variable or array, with the sizes of its dimensions; start values have the sizes in the file."""
+    """Scalar or array of a pending variable, by the sizes of structural parameters.
+
+    :param resized: whether these may differ from those of the start values in the file.
+    """
     variable, dimensions, texts = pending
     starts = texts or ([] if variable.start is None else variable.start.split())
     if not dimensions:
         return replace(variable, start=starts[0]) if texts else variable
-    shape = tuple(_size(variable.name, start, reference, sizes) for start, reference in dimensions)
+    shape = tuple(_dimension_size(variable.name, start, reference, sizes) for start, reference in dimensions)
     if math.prod(shape) > MOST_ELEMENTS:
         raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")
     if resized and len(starts) not in {1, math.prod(shape)}:
         starts = []
-    return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
+    return Array(variable, shape, (variable.reference,), starts, (variable.index,), is_variable=True)
 
 
-def _size(name: str, start: str | None, reference: str | None, sizes: Mapping[int, int]) -> int:
+def _dimension_size(name: str, start: str | None, reference: str | None, sizes: Mapping[int, int]) -> int:
+    """Size of a dimension, from its own start value or from the structural parameter that it refers to."""
     if start is None and int(reference or -1) not in sizes:
         raise ValueError(
             f"a dimension of {name!r} is that of value reference {reference}, which is no structural parameter"

@@ -14,7 +14,7 @@ from zipfile import ZipFile
 from liaisons.base.arguments import check_finite, check_positive, shown
 from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.folders import process_folder
-from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
+from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.terminals import Terminals
 from liaisons.cosim.description.variables import Scalar, Variables
 from liaisons.errors import InvalidValueError
@@ -42,32 +42,32 @@ class SampledFunction:
 
     @property
     def inputs(self) -> dict[str, str]:
-        """Input -> what it reads, but for the time."""
-        return {variable(name): name for name in self.reads if name != TIME}
+        """Name of each input -> ``"component.variable"`` that it reads; the time is none."""
+        return {variable_name(name): name for name in self.reads if name != TIME}
 
     @property
     def outputs(self) -> dict[str, str]:
-        """Output -> what it writes."""
-        return {variable(name): name for name in self.writes}
+        """Name of each output -> ``"component.variable"`` that it writes."""
+        return {variable_name(name): name for name in self.writes}
 
     def last_sample(self, t: float) -> float:
-        """The last sample [s] at or before an instant [s], up to the error of clocks."""
+        """Instant of the last sample [s] at or before t [s], up to the error of clocks."""
         return self.period * math.floor(t / self.period + CLOCK_ERROR)
 
     def is_sample(self, t: float) -> bool:
-        """Whether an instant [s] is that of a sample, up to the error of clocks."""
+        """Whether t [s] is the instant of a sample, up to the error of clocks."""
         return t - self.last_sample(t) <= CLOCK_ERROR * self.period
 
     def next_event(self, t: float) -> float:
-        """The next sample, or change of the outputs, after an instant [s]."""
+        """Instant [s] of the next sample, or change of the outputs, after t [s]."""
         return min(self.last_sample(t - lag) + self.period + lag for lag in (0.0, self.delay))
 
     def is_due(self, t: float, instant: float) -> bool:
-        """Whether a time [s] has reached an instant [s], up to the error of clocks."""
+        """Whether t [s] has reached an instant [s], up to the error of clocks."""
         return t >= instant - CLOCK_ERROR * self.period
 
     def description(self) -> Fmu:
-        """Its description as an FMU, whose file is empty."""
+        """Description of the function as an FMU, whose file is empty."""
         kinds = [*((name, "input", True) for name in self.inputs), *((name, "output", False) for name in self.outputs)]
         scalars = [
             Scalar(name, i, "Real", "Real", causality, causality == "input", "0", "", i, continuous=continuous)
@@ -79,39 +79,12 @@ class SampledFunction:
         path.parent.mkdir(exist_ok=True)
         with ZipFile(path, "w"):
             pass
-        return Fmu(
-            path=path,
-            version=2,
-            is_model_exchange=False,
-            states=0,
-            continuous_states=(),
-            indicators=0,
-            completes=False,
-            model_name=self.name,
-            identifier="",
-            guid="",
-            binary="",
-            variable_step=True,
-            can_get_and_set_state=True,
-            provides_directional_derivatives=False,
-            input_derivatives=False,
-            inside_inputs=False,
-            output_derivative_order=0,
-            unpacked=0,
-            log_categories=(),
-            experiment=DefaultExperiment(),
-            variables=variables,
-            units={},
-            terminals=Terminals(variables),
-            _outputs={},
-            _initial={},
-            function=self,
-        )
+        return Fmu(path, self.name, variables, Terminals(variables), function=self)
 
 
-def variable(name: str) -> str:
+def variable_name(reference: str) -> str:
     """Name of the variable in ``"component.variable"``."""
-    return name.rpartition(".")[2]
+    return reference.rpartition(".")[2]
 
 
 def sampled(
@@ -123,7 +96,7 @@ def sampled(
     state: Any = None,
     delay: float = 0.0,
 ) -> SampledFunction:
-    """A function of Python as a component of a system, called once a period; its outputs are constant between.
+    """Component of a system that calls a function of Python once a period, and holds its outputs between.
 
     ::
 
@@ -156,7 +129,7 @@ def sampled(
             raise InvalidValueError(f"{label}: {argument} = {shown(names)}: give a list of names")
     if not writes or TIME in writes:
         raise InvalidValueError(f"{label}: writes = {shown(writes)}: name what it returns")
-    for name, count in Counter(map(variable, (*reads, *writes))).items():
+    for name, count in Counter(map(variable_name, (*reads, *writes))).items():
         if count > 1:
             raise InvalidValueError(f"{label}: two variables would be called {name!r}: name them, and connect them")
     return SampledFunction(function, float(period), tuple(reads), tuple(writes), deepcopy(state), float(delay))

@@ -23,7 +23,7 @@ Starts = Mapping[str, Value]
 
 
 def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:
-    """Start values in the types of their variables.
+    """Start values by name, checked and converted to the types of their variables.
 
     An array takes one number for all its elements, or one for each, in their shape; its elements can be given one by
     one, too.  Later values override earlier ones.
@@ -40,15 +40,15 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
             continue
         value = _scalar_value(owner, fmu, name, start)
         variable = fmu.variables[name]
-        if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
+        if variable.is_structural and variable.type == "Integer" and value != int(variable.start or 0):
             raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
         base, index = array_and_index(name)
         entry = fmu.variables.entries.get(base)
-        if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
+        if index is None or not isinstance(entry, Array) or not (entry.is_variable or base in values):
             values[name] = value
             continue
         if base not in values:
-            values[base] = _array_value(owner, fmu, base, _own_starts(entry))
+            values[base] = _array_value(owner, fmu, base, _described_starts(entry))
         whole, position = values[base], element_offset(index, entry.shape)
         assert isinstance(whole, list)
         assert position is not None
@@ -57,18 +57,18 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
 
 
 def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
-    """Structural parameters among the start values, which change the sizes of arrays.
+    """Values of the structural parameters among start values, which set the sizes of arrays.
 
     :raises SimulationError: for one that cannot be set, or a value that is no integer.
     """
-    scalars = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
-    changed = [name for name, like in scalars.items() if like.structural and like.type == "Integer"]
-    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
+    scalars = {name: entry for name in starts if isinstance(entry := fmu.variables.entries.get(name), Scalar)}
+    changed = [name for name, scalar in scalars.items() if scalar.is_structural and scalar.type == "Integer"]
+    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed}
 
 
 def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
     if name not in fmu.variables:
-        raise SimulationError(f"{owner}: {fmu.unknown(name)}")
+        raise SimulationError(f"{owner}: {fmu.unknown_variable_message(name)}")
     variable = fmu.variables[name]
     _check_settable(owner, fmu, variable, name, value)
     return _convert(f"{owner}.{name} = {shown(value)}", variable, value)
@@ -77,11 +77,11 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
 def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
-    _check_settable(owner, fmu, entry.like, name, start)
+    _check_settable(owner, fmu, entry.prototype, name, start)
     label = f"{owner}.{name} = {shown(start)}"
     elements = np.asarray(start, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
-        return [_convert(label, entry.like, elements.item())] * entry.size
+        return [_convert(label, entry.prototype, elements.item())] * entry.size
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
         raise InvalidValueError(
@@ -89,27 +89,30 @@ def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
             "or one number for all"
         )
     return [
-        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
+        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.prototype, value)
         for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
     ]
 
 
-def _own_starts(entry: Array) -> Any:
-    """The start values of an array in the model description, 0 where it gives none."""
+def _described_starts(entry: Array) -> Any:
+    """Start values of an array in the model description, 0 if it has none."""
     texts = [text or "0" for text in entry.starts] or ["0"]
     read_as = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": lambda text: text in {"true", "1"}}
     try:
-        own = [read_as.get(entry.like.type, str)(text) for text in texts]
+        own = [read_as.get(entry.prototype.type, str)(text) for text in texts]
     except ValueError as error:
-        raise SimulationError(f"{entry.like.name}: a start value in the model description is none: {error}") from None
+        raise SimulationError(
+            f"{entry.prototype.name}: a start value in the model description is none: {error}"
+        ) from None
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 
 
 def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
+    """Raise an error if a variable cannot have a start value."""
     if variable.settable:
         return
-    settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
-    why = "is fixed" if variable.structural else "is calculated"
+    settable = [n for n, entry in fmu.variables.entries.items() if entry.prototype.settable]
+    why = "is fixed" if variable.is_structural else "is calculated"
     raise InvalidValueError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
@@ -117,6 +120,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
 
 
 def _convert(label: str, variable: Scalar, value: Any) -> Start:
+    """Start value in the type of its variable, checked."""
     kind = variable.type
     if kind not in _TAKES:
         raise InvalidValueError(f"{label}: {kind} variables cannot be set here")
@@ -126,7 +130,7 @@ def _convert(label: str, variable: Scalar, value: Any) -> Start:
     if kind == "Real" and not math.isfinite(value):
         raise InvalidValueError(f"{label}: expected a finite number")
     if takes is numbers.Integral:
-        least, most = RANGES[variable.base]
+        least, most = integer_range(variable.base)
         if not least <= value <= most:
             raise InvalidValueError(f"{label}: outside {variable.base}, {least} to {most}")
     return convert(value)
@@ -140,9 +144,10 @@ _TAKES: dict[VariableType, tuple[type, type, str]] = {
     "String": (str, str, "a string"),
 }
 
-RANGES = {
-    "Integer": (-(2**31), 2**31 - 1),
-    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}
-"""Smallest and largest integers, by the type in names of FMI functions."""
+
+def integer_range(base: str) -> tuple[int, int]:
+    """Smallest and largest number of an integer type, ``Integer``, ``UInt8``, ..., or of ``Boolean``."""
+    if base == "Boolean":
+        return 0, 1
+    limits = np.iinfo("int32" if base == "Integer" else base.lower())
+    return int(limits.min), int(limits.max)

@@ -1,8 +1,8 @@
-"""Terminals of an FMU: variables that are connected together, as ``terminalsAndIcons.xml`` or their names say.
+"""Terminals of an FMU, groups of variables that are connected together, from ``terminalsAndIcons.xml`` or from names.
 
 A *port* is a terminal with a value, its rate and its acceleration, all inputs or all outputs, and in most cases a
-force the other way.  Member names are those of the Modelica Standard Library: s, v, a, f of a translation, and
-phi, w, a, tau of a rotation, which are read as s, v, a, f.
+force in the opposite direction.  Member names are those of the Modelica Standard Library: s, v, a, f of a translation,
+and phi, w, a, tau of a rotation, which are read as s, v, a, f.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from liaisons.cosim.description.variables import Variables
 logger = logging.getLogger(__name__)
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
-"""Where an FMU of FMI 3.0, or of FMI 2.0 made here, has its terminals."""
+"""File of the terminals in an FMU of FMI 3.0, or of FMI 2.0 made by liaisons."""
 
 _MOTION = ("s", "v", "a")
 _FORCE, _IMPULSE = "f", "impulse"
-_OF_ROTATION = {"phi": "s", "w": "v", "tau": "f"}
+_ROTATION_ROLES = {"phi": "s", "w": "v", "tau": "f"}
 _FLOWS = {"inflow", "outflow"}
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class MemberVariable:
-    """A variable of a terminal; ``kind`` is ``signal``, ``inflow``, ``outflow`` or what else the FMU says."""
+    """A variable of a terminal; ``kind`` is its ``variableKind``: ``signal``, ``inflow``, ``outflow``, ..."""
 
     variable: str
     kind: str = "signal"
 
-    def opposes(self, other: MemberVariable) -> bool:
-        """Whether the two add up to zero when they are connected: flows into both sides, or out of both."""
+    def sums_to_zero_with(self, other: MemberVariable) -> bool:
+        """Whether the two are flows whose sum is zero when they are connected: both inflow, or both outflow."""
         return self.kind == other.kind and self.kind in _FLOWS
 
 
@@ -70,7 +70,7 @@ class TerminalDescription:
 
     @property
     def motion(self) -> tuple[str, str, str] | None:
-        """Variables of value, rate and acceleration; None unless it has all three."""
+        """Names of the variables of value, rate and acceleration; None unless the terminal has all three."""
         if not all(name in self.members for name in _MOTION):
             return None
         value, rate, acceleration = (self.members[name].variable for name in _MOTION)
@@ -78,16 +78,16 @@ class TerminalDescription:
 
     @property
     def force(self) -> str | None:
-        """The variable of the force that goes the other way; None if it has none."""
+        """Name of the variable of the force, opposite to the motion in causality; None if there is none."""
         return self.members[_FORCE].variable if _FORCE in self.members else None
 
     @property
     def impulse(self) -> str | None:
-        """The variable of the sum of impulses that goes the other way, too; None if it has none."""
+        """Name of the variable of the sum of impulses, of the same causality as the force; None if there is none."""
         return self.members[_IMPULSE].variable if _IMPULSE in self.members else None
 
     def element(self, index: str) -> TerminalDescription:
-        """The terminal of one element of the arrays that are its members; ``index`` is for example ``[3]``."""
+        """Terminal whose members are one element of each array; ``index`` is for example ``"[3]"``."""
         return replace(
             self,
             name=f"{self.name}{index}",
@@ -101,8 +101,8 @@ class TerminalDescription:
 class Terminals:
     """The terminals of an FMU, and those of them that are ports, by variable.
 
-    :ivar named: those that are in no other one, by name.
-    :ivar renamed: value -> members, of ports whose variables are not called as :func:`port_names` does.
+    :ivar named: terminals that are not nested, by name.
+    :ivar renamed: name of the value -> names of the members, of ports that :func:`port_names` does not describe.
     """
 
     def __init__(self, variables: Variables, declared: Sequence[TerminalDescription] = ()) -> None:
@@ -120,6 +120,7 @@ class Terminals:
             self.named.setdefault(name, TerminalDescription(name, nested=nested))
 
     def _add(self, terminal: TerminalDescription, variables: Variables) -> None:
+        """Add a terminal and those nested in it."""
         if terminal.point is None:
             self.named.setdefault(terminal.name, terminal)
         for nested in terminal.nested.values():
@@ -128,8 +129,9 @@ class Terminals:
         if motion is None:
             return
         entries = [variables.entry(name) for name in motion]
-        kinds = {(entry.like.type, entry.like.causality, entry.shape) for entry in entries}
-        if len(kinds) == 1 and entries[0].like.type == "Real" and entries[0].like.causality in {"input", "output"}:
+        kinds = {(entry.prototype.type, entry.prototype.causality, entry.shape) for entry in entries}
+        kind, causality, _ = kinds.pop()
+        if not kinds and kind == "Real" and causality in {"input", "output"}:
             usual, force = port_names(motion[0]), terminal.force or ""
             if motion != usual[:3] or force not in {"", usual.force, usual.load}:
                 self.renamed[motion[0]] = PortNames(*motion, force, "", "", "")
@@ -140,15 +142,15 @@ class Terminals:
                 self._ports.setdefault(member.variable, terminal)
 
     def get(self, name: str) -> TerminalDescription | None:
-        """The terminal of this name, or of an element of it; None if there is none."""
-        return _look_up(self.named, name)
+        """The terminal with a name, or with that of an element; None if there is none."""
+        return _terminal_or_element(self.named, name)
 
     def port(self, variable: str) -> TerminalDescription | None:
-        """The port that a variable, an array or an element of one is a member of; None if of none."""
-        return _look_up(self._ports, variable)
+        """The port to which a variable, an array or an element of one belongs; None if there is none."""
+        return _terminal_or_element(self._ports, variable)
 
 
-def _look_up(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:
+def _terminal_or_element(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:
     if name in terminals or not name.endswith("]"):
         return terminals.get(name)
     base = name.partition("[")[0]
@@ -157,8 +159,8 @@ def _look_up(terminals: Mapping[str, TerminalDescription], name: str) -> Termina
 
 
 def _terminal_by_names(names: PortNames, variables: Variables) -> TerminalDescription:
-    """A terminal of variables with conventional names, where the FMU declares none."""
-    entry = variables.entries[names.value].like
+    """Terminal of variables with conventional names, of an FMU that declares none for them."""
+    entry = variables.entries[names.value].prototype
     force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")
     motion = names.value, names.rate, names.acceleration
     members = {member: MemberVariable(name) for member, name in zip(_MOTION, motion, strict=True)}
@@ -169,7 +171,7 @@ def _terminal_by_names(names: PortNames, variables: Variables) -> TerminalDescri
 
 
 def read_terminals(archive: Archive, variables: Variables) -> Terminals:
-    """The terminals of an FMU; if their file is unusable, it warns, and derives them from the names of variables."""
+    """Terminals of an FMU; derived from names of variables, with a warning, if their file is unusable."""
     if TERMINALS not in archive.names:
         return Terminals(variables)
     try:
@@ -177,18 +179,21 @@ def read_terminals(archive: Archive, variables: Variables) -> Terminals:
             root = read_tree(file)
         if root.tag != "fmiTerminalsAndIcons":
             raise ValueError("its root is not fmiTerminalsAndIcons")
-        return Terminals(variables, [_terminal(element, variables) for element in root.iterfind("Terminals/Terminal")])
+        return Terminals(
+            variables, [_read_terminal(element, variables) for element in root.iterfind("Terminals/Terminal")]
+        )
     except ValueError as error:
         reason = " ".join(str(error).split())
         logger.warning("%s: its %s is not used, names of variables tell its ports: %s", archive.path, TERMINALS, reason)
         return Terminals(variables)
 
 
-def _terminal(element: Element, variables: Variables, around: str = "") -> TerminalDescription:
-    name = _attribute(element, "name")
+def _read_terminal(element: Element, variables: Variables, enclosing: str = "") -> TerminalDescription:
+    """Terminal of an XML element; ``enclosing`` is the name of the terminal in which it is nested."""
+    name = _required_attribute(element, "name")
     members = {
-        _OF_ROTATION.get(role, role): MemberVariable(
-            _attribute(member, "variableName"), member.get("variableKind", "signal")
+        _ROTATION_ROLES.get(role, role): MemberVariable(
+            _required_attribute(member, "variableName"), member.get("variableKind", "signal")
         )
         for member in element.iterfind("TerminalMemberVariable")
         for role in [member.get("memberName", member.get("variableName", ""))]
@@ -196,12 +201,14 @@ def _terminal(element: Element, variables: Variables, around: str = "") -> Termi
     for member in members.values():
         if member.variable not in variables.entries and member.variable not in variables:
             raise ValueError(f"the terminal {name!r} has a variable {member.variable!r} that does not exist")
-    nested = {n.name: n for n in (_terminal(e, variables, name) for e in element.iterfind("Terminal"))}
+    nested = {n.name: n for n in (_read_terminal(e, variables, name) for e in element.iterfind("Terminal"))}
     kind, rule = element.get("terminalKind", ""), element.get("matchingRule", "bus")
-    return TerminalDescription(name, kind, rule, members, nested, PointComponent(around, name) if around else None)
+    return TerminalDescription(
+        name, kind, rule, members, nested, PointComponent(enclosing, name) if enclosing else None
+    )
 
 
-def _attribute(element: Element, name: str) -> str:
+def _required_attribute(element: Element, name: str) -> str:
     if name not in element.attrib:
         raise ValueError(f"a {element.tag} has no attribute {name!r}")
     return element.attrib[name]

@@ -2,7 +2,7 @@
 
 FMI 2.0 has scalars only and writes an array as ``theta[1]``, ``theta[2]``, ...; FMI 3.0 has one variable ``theta`` with
 dimensions.  In both, ``"theta"`` is an array and ``"theta[2]"`` a scalar.  An element takes some bytes.  An *entry* is
-a scalar or an array; both have ``like``, ``size``, ``shape``, ``references`` and ``names()``.
+a scalar or an array; both have ``prototype``, ``size``, ``shape``, ``references`` and ``names()``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar, final
+from typing import ClassVar, Literal, TypeVar, final
 
 from liaisons.base.array_names import Shape, array_and_index, element_indices, element_offset
 
@@ -49,23 +49,18 @@ class Scalar:
     index: int = 0
     position: int = 0
     continuous: bool = True
+    shape: ClassVar[Shape] = ()
+    size: ClassVar[int] = 1
 
     @property
-    def structural(self) -> bool:
-        """Whether it is a structural parameter, set in configuration mode."""
+    def is_structural(self) -> bool:
+        """Whether the variable is a structural parameter, which is set in configuration mode."""
         return self.causality == "structuralParameter"
 
     @property
-    def like(self) -> Scalar:
+    def prototype(self) -> Scalar:
+        """The scalar with the attributes that all elements share: the scalar itself."""
         return self
-
-    @property
-    def shape(self) -> Shape:
-        return ()
-
-    @property
-    def size(self) -> int:
-        return 1
 
     @property
     def references(self) -> Sequence[int]:
@@ -78,20 +73,21 @@ class Scalar:
 @final
 @dataclass(frozen=True, slots=True)
 class Array:
-    """An array; ``like`` is a scalar with the attributes of all elements.
+    """An array.
 
+    :param prototype: scalar with the attributes that all elements share, under the name of the array.
     :param references: value reference of each element (FMI 2.0), or of all (FMI 3.0).
     :param starts: start value of each element, of all, or none.
     :param indices: position of each element in the model description, or of all.
-    :param whole: whether it is a variable of FMI 3.0, which is read and set as a whole.
+    :param is_variable: whether it is one variable of FMI 3.0, which is read and set as a whole.
     """
 
-    like: Scalar
+    prototype: Scalar
     shape: Shape
     references: Sequence[int]
     starts: Sequence[str | None]
     indices: Sequence[int]
-    whole: bool
+    is_variable: bool
 
     @property
     def size(self) -> int:
@@ -99,18 +95,18 @@ class Array:
         return math.prod(self.shape)
 
     def names(self) -> Iterator[str]:
-        """Names of its elements, the last index running fastest."""
-        return (f"{self.like.name}[{index}]" for index in element_indices(self.shape))
+        """Names of the elements, the last index running fastest."""
+        return (f"{self.prototype.name}[{index}]" for index in element_indices(self.shape))
 
     def element(self, name: str, position: int) -> Scalar:
-        """The scalar at a position."""
+        """Scalar for the element with a name and a flat index."""
         return replace(
-            self.like,
+            self.prototype,
             name=name,
-            reference=_at(self.references, position),
-            start=_at(self.starts, position) if self.starts else None,
-            index=_at(self.indices, position),
-            position=position if self.whole else 0,
+            reference=_element_value(self.references, position),
+            start=_element_value(self.starts, position) if self.starts else None,
+            index=_element_value(self.indices, position),
+            position=position if self.is_variable else 0,
         )
 
 
@@ -146,17 +142,18 @@ class Variables(Mapping[str, Scalar]):
         return sum(entry.size for entry in self.entries.values())
 
     def entry(self, name: str) -> Entry:
-        """The scalar, the element or the array of this name.
+        """The scalar, the element of an array, or the array with a name.
 
         :raises KeyError: for an unknown name.
         """
         return self.entries.get(name) or self[name]
 
-    def whole(self, name: str) -> Array | None:
-        """The FMI 3.0 array of this name or with this element; None if there is none."""
+    def whole_array(self, name: str) -> Array | None:
+        """The FMI 3.0 array with a name, or with an element of that name; None if there is none."""
         entry = self.entries.get(name) or self.entries.get(array_and_index(name)[0])
-        return entry if isinstance(entry, Array) and entry.whole else None
+        return entry if isinstance(entry, Array) and entry.is_variable else None
 
 
-def _at(values: Sequence[_T], position: int) -> _T:
+def _element_value(values: Sequence[_T], position: int) -> _T:
+    """Value for one element of an array, from one value for each or one for all."""
     return values[position if len(values) > 1 else 0]

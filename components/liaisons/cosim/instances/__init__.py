@@ -16,7 +16,7 @@ from liaisons.cosim.instances.sampled import SampledInstance
 from liaisons.cosim.messages import logger
 
 
-def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
+def extract_fmus(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     """Extract the binaries and resources of FMUs, each file once.
 
     :returns: path of the FMU -> its own folder.
@@ -29,34 +29,32 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     return folders
 
 
-def make(
+def make_instance(
     name: str,
     fmu: Fmu,
     directory: Path,
     *,
     requests_intermediate_update: bool = False,
     isolated: float = 0.0,
-    stiff: bool = False,
 ) -> Instance:
-    """An instance of an FMU; see :class:`Instance`.
+    """Loaded and instantiated FMU, in this process or, if ``isolated``, in its own.
 
     :param requests_intermediate_update: whether inputs are set inside communication steps (FMI 3.0).
-    :param isolated: time limit [s] of a call, in a process of its own; 0: in this process.
-    :param stiff: whether the equations of a Model Exchange FMU are stiff.
+    :param isolated: time limit [s] of a call to another process; 0: the instance is in this process.
     """
 
-    def make_in_process() -> Instance:
+    def instantiate() -> Instance:
         if fmu.function is not None:
             return SampledInstance(name, fmu)
         if fmu.is_model_exchange:
-            return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory, stiff=stiff)
+            return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory)
         if fmu.version == 2:
             return CoSimulation2(name, fmu, directory)
         return CoSimulation3(name, fmu, directory, requests_intermediate_update=requests_intermediate_update)
 
     if not isolated:
-        return make_in_process()
+        return instantiate()
     if not SUPPORTED:
         logger.warning("%s: to be isolated takes Linux; it runs in this process", name)
-        return make_in_process()
-    return Isolated(name, fmu, make_in_process, isolated)
+        return instantiate()
+    return Isolated(name, fmu, instantiate, isolated)

@@ -26,11 +26,12 @@ Transfer = Callable[[], int]
 @final
 @dataclass(frozen=True)
 class BufferLayout:
-    """Variables of one type in a buffer, one after the other, and the scalars of a call among their elements.
+    """Whole variables of one type in a buffer, and the positions of a call's scalars among their elements.
 
+    :param base: type of the variables as in names of FMI functions.
     :param references: value references of the variables, in FMI 3.0 each once.
-    :param c_type: of their elements; ``size`` is their number.
-    :param scalars: indices of the scalars in the call; ``positions`` those in the buffer.
+    :param c_type: type of an element; ``size``: number of elements.
+    :param scalars: indices of the scalars in the call; ``positions``: their indices in the buffer.
     """
 
     base: str
@@ -42,46 +43,46 @@ class BufferLayout:
 
     @cached_property
     def buffer(self) -> c.Array[Any]:
-        """Numbers, or pointers to strings, of all elements."""
+        """Memory of all elements, numbers or pointers to strings."""
         return (self.c_type * self.size)()
 
     @cached_property
-    def scratch(self) -> NDArray[Any]:
-        """The buffer as an array; of strings, their numbers."""
+    def numbers(self) -> NDArray[Any]:
+        """View of the buffer as an array; for strings, room for the numbers that stand for them."""
         return np.zeros(self.size) if self.base == "String" else np.ctypeslib.as_array(self.buffer)
 
     @property
-    def whole(self) -> bool:
-        """Whether the scalars are all that the buffer holds."""
+    def is_complete(self) -> bool:
+        """Whether the call has scalars for all elements of the buffer."""
         return len(self.positions) == self.size
 
     @property
-    def direct(self) -> bool:
-        """Whether the scalars are all that the buffer holds, as doubles in the same order."""
+    def is_identity(self) -> bool:
+        """Whether the values of the call are those of the buffer: doubles, complete and in the same order."""
         return self.base in {"Real", "Float64"} and np.array_equal(self.positions, range(self.size))
 
     def read_into(self, read: Transfer, values: Vector) -> int:
-        """Read the buffer, and copy the scalars to the values of the call."""
+        """Call a function that reads the buffer, and copy the scalars to the values of the call; returns the status."""
         status = read()
         if self.base == "String":
-            self.scratch[:] = [texts.number(text) for text in self.buffer]
-        values[self.scalars] = self.scratch[self.positions]
+            self.numbers[:] = [texts.number(text) for text in self.buffer]
+        values[self.scalars] = self.numbers[self.positions]
         return status
 
     def write_from(self, write: Transfer, values: Vector) -> int:
-        """Write the buffer, with the scalars from the values of the call."""
+        """Copy the values of the call to the buffer, and call a function that writes it; returns the status."""
         if self.base == "String":
             for position, number in zip(self.positions, values[self.scalars].tolist(), strict=True):
                 self.buffer[position] = texts.text(number)
         else:
-            self.scratch[self.positions] = values[self.scalars]
+            self.numbers[self.positions] = values[self.scalars]
         return write()
 
 
-def layouts(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[BufferLayout]:
-    """The layouts of scalars, one of each type.
+def layouts_by_type(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[BufferLayout]:
+    """Layouts for the scalars of a call, one for each of their types.
 
-    :param types: those of C, by the types in the names of FMI's functions.
+    :param types: type of C for each type in names of FMI functions.
     """
     by_base: dict[str, list[int]] = {}
     for k, variable in enumerate(variables):
@@ -92,7 +93,7 @@ def layouts(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> 
 def layout(
     fmu: Fmu, variables: Sequence[Scalar], scalars: Sequence[int], base: str = "Float64", c_type: Any = c.c_double
 ) -> BufferLayout:
-    """The layout of some of these scalars, of one type."""
+    """Layout for the scalars of one type in a call; ``scalars`` are their indices among the variables."""
     begins: dict[int, int] = {}
     references: list[int] = []
     positions: list[int] = []
@@ -102,7 +103,7 @@ def layout(
         begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
         if begin == size:
             references.append(variable.reference)
-            array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
+            array = fmu.variables.whole_array(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
         positions.append(begin + variable.position)
     return BufferLayout(base, tuple(references), c_type, size, as_indices(scalars), as_indices(positions))
@@ -110,15 +111,15 @@ def layout(
 
 @lru_cache(maxsize=1024)
 def value_references(references: tuple[int, ...]) -> c.Array[c.c_uint32]:
-    """Value references as a C array, shared by all instances, so that it stays in the processor's cache."""
+    """Value references as a C array, shared by all instances."""
     return (c.c_uint32 * len(references))(*references)
 
 
-def counted(references: Sequence[int]) -> tuple[object, object]:
-    """Value references and their number, as arguments of a foreign call, converted once."""
-    return buffered(value_references(tuple(references)))
+def counted_references(references: Sequence[int]) -> tuple[object, object]:
+    """Pointer to value references and their number, as two arguments of a C function."""
+    return counted_buffer(value_references(tuple(references)))
 
 
-def buffered(values: c.Array[Any]) -> tuple[object, object]:
-    """A buffer and its length, as arguments of a foreign call, converted once."""
+def counted_buffer(values: c.Array[Any]) -> tuple[object, object]:
+    """Pointer to a buffer and its length, as two arguments of a C function."""
     return c.byref(values), c.c_size_t.from_param(len(values))

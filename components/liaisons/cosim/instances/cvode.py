@@ -1,7 +1,7 @@
 """CVODE of SUNDIALS by FMPy: solves y' = f(t, y), stiff or not, and finds where indicators change sign.
 
-FMPy's solver creates the problem.  Beyond it, this one stops at a time, which FMPy's integrates past, takes refusals
-and new nominal values, says why it fails, and releases all memory.
+FMPy's solver creates the problem.  The one here also stops exactly at a time, handles refusals and new nominal values,
+gives the reason of a failure, and releases all memory.
 """
 
 from __future__ import annotations
@@ -24,29 +24,15 @@ from liaisons.cosim.arrays import Vector
 from liaisons.errors import RefusedError
 
 Function = Callable[[float, int, int], int]
-"""Of time [s], address of the states, address of the result; returns 0, 1 to try a shorter step, -1 to give up."""
+"""Function of time [s], addresses of the states and of the result; returns 0, 1 for a shorter step, -1 to fail."""
 
 _ONE_STEP = 2
 _NEGATIVE = -np.finfo(float).tiny
 
 
-def _declared(library: c.CDLL, name: str, *arguments: type) -> Callable[..., int]:
-    function = library[name]
-    function.argtypes = arguments
-    return function
-
-
-_clear_handlers = _declared(sundials_core, "SUNContext_ClearErrHandlers", c.c_void_p)
-_free_context = _declared(sundials_core, "SUNContext_Free", c.c_void_p)
-_free_matrix = _declared(sundials_core, "SUNMatDestroy", c.c_void_p)
-_free_linear_solver = _declared(sundials_core, "SUNLinSolFree", c.c_void_p)
-_set_warnings = _declared(sundials_cvode, "CVodeSetMaxHnilWarns", c.c_void_p, c.c_int)
-_set_stop_time = _declared(sundials_cvode, "CVodeSetStopTime", c.c_void_p, c.c_double)
-
-
 @final
 class _Data(dict[bytes, int]):
-    """Addresses of the numbers in vectors of SUNDIALS, by the addresses of these; both stay."""
+    """Address of the numbers of a vector of SUNDIALS, by the address of the vector; neither changes."""
 
     def __missing__(self, vector: bytes) -> int:
         self[vector] = address = c.addressof(NV_DATA_S(N_Vector.from_buffer_copy(vector)).contents)
@@ -55,46 +41,56 @@ class _Data(dict[bytes, int]):
 
 @final
 class Cvode(CVodeSolver):
-    """A solver by backward differentiation formulas of variable order.
+    """Solver by backward differentiation formulas of variable order.
 
-    :param size: number of states; without any, indicators depend on time alone.
-    :param count: number of indicators; as in FMI, one of 0 counts as negative.
-    :param tolerance: relative, of states and of their nominal values.
+    :param size: number of states; if it is 0, indicators depend on time alone.
+    :param count: number of indicators; as in FMI, an indicator of 0 counts as negative.
+    :param tolerance: tolerance relative to states and to their nominal values.
     :ivar states: shape (size,).
     :raises RefusedError: if it cannot be created.
     """
 
     def __init__(self, size: int, count: int, rates: Function, indicators: Function, tolerance: float) -> None:
-        self._said, self._time = "", c.c_double()
+        self._error_message, self._time = "", c.c_double()
         self._rates, self._indicators = rates, indicators
         self._count = count
         self._data = _Data()
         self._signs: dict[bytes, Vector] = {}  # by their address
 
-        def ones(numbers: Any, count: int) -> None:
+        def set_to_one(numbers: Any, count: int) -> None:
             np.ctypeslib.as_array(numbers, (count,))[:] = 1.0
 
         unused: Any = None
         try:
             super().__init__(
-                size, count, ones, unused, unused, unused, ones, unused, unused, 0.0, relativeTolerance=tolerance
+                size,
+                count,
+                set_to_one,
+                unused,
+                unused,
+                unused,
+                set_to_one,
+                unused,
+                unused,
+                0.0,
+                relativeTolerance=tolerance,
             )
         except Exception as error:  # FMPy raises nothing more specific
             raise RefusedError(f"CVODE: {error}") from error
         self.states = np.ctypeslib.as_array(self.px, (self.nx,))[:size]
-        _clear_handlers(self.sunctx)  # the one below FMPy's would write to the terminal
+        sundials_core.SUNContext_ClearErrHandlers(self.sunctx)  # the one below FMPy's would write to the terminal
         SUNContext_PushErrHandler(self.sunctx, self.ehfun_, None)
-        self._check(_set_warnings(self.cvode_mem, -1))
+        self._check(sundials_cvode.CVodeSetMaxHnilWarns(c.c_void_p(self.cvode_mem), -1))
 
     def f(self, t: float, y: Any, ydot: Any, user_data: object) -> Any:  # noqa: ARG002 - FMPy's name
-        """The derivatives of the states."""
-        if self.discrete:  # one that stays as it is
+        """Write the derivatives of the states; returns the status."""
+        if self.discrete:  # FMPy's only state, which is constant
             NV_DATA_S(ydot)[0] = 0.0
             return 0
         return self._rates(t, self._data[bytes(y)], self._data[bytes(ydot)])
 
     def g(self, t: float, y: Any, gout: Any, user_data: object) -> Any:  # noqa: ARG002 - likewise
-        """The indicators."""
+        """Write the indicators; returns the status."""
         key = bytes(gout)
         if key not in self._signs:
             self._signs[key] = np.ctypeslib.as_array(gout, (self._count,))
@@ -104,36 +100,37 @@ class Cvode(CVodeSolver):
         return status
 
     def ehfun(self, line: Any, func: Any, file: Any, msg: Any, *_: Any, **__: Any) -> None:  # noqa: ARG002 - likewise
-        """Keep the message of an error."""
-        self._said = msg.decode(errors="replace")
+        """Store the message of an error."""
+        self._error_message = msg.decode(errors="replace")
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Restart at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
+        """Restart the solver at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
         self.npabstol[: self.states.size] = np.asarray(nominals) * self.reltol
         self._check(CVodeSVtolerances(self.cvode_mem, self.reltol, self.abstol))
         self._check(CVodeReInit(self.cvode_mem, time, self.x))
 
     def step(self, stop: float) -> tuple[float, bool]:  # type: ignore[override] - FMPy's copies the states
-        """One step, not beyond a time [s].
+        """Make one step, to ``stop`` [s] at most.
 
-        :returns: where it ends [s], and whether an indicator has changed its sign there.
-        :raises RefusedError: if there is none whose error is small enough.
+        :returns: its end [s], and whether an indicator has changed its sign there.
+        :raises RefusedError: if no step has an error that is small enough.
         """
-        self._check(_set_stop_time(self.cvode_mem, stop))
+        self._check(sundials_cvode.CVodeSetStopTime(c.c_void_p(self.cvode_mem), c.c_double(stop)))
         status = CVode(self.cvode_mem, stop, self.x, c.byref(self._time), _ONE_STEP)
         self._check(status)
         return self._time.value, status == CV_ROOT_RETURN
 
     def close(self) -> None:
-        """Release it; once."""
+        """Release the memory of the solver; call it once."""
         memory, self.cvode_mem = c.c_void_p(self.cvode_mem), None  # FMPy releases it when it is collected, too
         CVodeFree(c.byref(memory))
-        _free_linear_solver(self.LS)
-        _free_matrix(self.A)
+        sundials_core.SUNLinSolFree(c.c_void_p(self.LS))
+        sundials_core.SUNMatDestroy(c.c_void_p(self.A))
         for vector in (self.x, self.abstol):
             N_VDestroy_Serial(vector)
-        _free_context(c.byref(self.sunctx))
+        sundials_core.SUNContext_Free(c.byref(self.sunctx))
 
     def _check(self, status: int) -> None:
+        """Raise an error if CVODE returned a negative status."""
         if status < 0:
-            raise RefusedError(f"CVODE: {self._said or status}")
+            raise RefusedError(f"CVODE: {self._error_message or status}")

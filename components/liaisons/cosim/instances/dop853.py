@@ -1,6 +1,6 @@
 """DOP853 for FMUs of Model Exchange: explicit, of order 8, for equations that are not stiff.
 
-Its whole state can be saved, so that steps are rolled back and repeated to the same bits.
+The whole state of the solver can be saved, and steps repeated to the same bits.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from liaisons.errors import RefusedError
 class InputMotion:
     """Taylor polynomials of inputs, from their values at the start of a step.
 
-    :param orders: of the derivatives, each of the input with the number in ``rows``.
+    :param orders: order of each derivative; ``rows``: index of its input.
     :param derivatives: a buffer, and the indices of the derivatives in it.
-    :param places: indices of the inputs among the held ones.
-    :ivar values: of the inputs, shape (inputs,).
-    :ivar first: these at ``start`` [s].
-    :ivar slopes: the factors of the powers of time, shape (orders,).
-    :ivar read: a call that reads the inputs into the values; ``write``: one that sets them.
+    :param held: indices of the inputs among the held ones.
+    :ivar values: values of the inputs, shape (inputs,).
+    :ivar first: values at ``start`` [s].
+    :ivar slopes: coefficients of the powers of time, shape (orders,).
+    :ivar read: call that reads the inputs into the values; ``write``: call that sets them.
     """
 
     read: Call
@@ -42,26 +42,26 @@ class InputMotion:
         orders: Sequence[int],
         rows: Sequence[int],
         derivatives: tuple[Numbers, Sequence[int]],
-        places: Indices,
+        held: Indices,
     ) -> None:
         self.orders, self.rows, self._moving = map(as_indices, (orders, rows, derivatives[1]))
-        self._all, self.places = np.asarray(derivatives[0]), places
+        self._all, self.held = np.asarray(derivatives[0]), held
         self._factorials = np.array([math.factorial(order) for order in orders])
-        self.values = np.zeros(places.size)
-        self.first, self.slopes, self.start = np.empty(places.size), np.empty(len(orders)), 0.0
+        self.values = np.zeros(held.size)
+        self.first, self.slopes, self.start = np.empty(held.size), np.empty(len(orders)), 0.0
 
     def begin(self, time: float) -> None:
-        """Start the polynomials from the present values at a time [s]."""
+        """Start new polynomials at a time [s] from the present values."""
         self.first[:], self.start = self.values, time
         np.divide(self._all[self._moving], self._factorials, out=self.slopes)
 
     def evaluate(self, time: float) -> None:
-        """Set the values to those at a time [s]."""
+        """Set the values to those of the polynomials at a time [s]."""
         self.values[:] = self.first
         np.add.at(self.values, self.rows, self.slopes * (time - self.start) ** self.orders)
 
 
-Memory = tuple[float, float, Vector, Vector]
+SolverState = tuple[float, float, Vector, Vector]
 """Time and size of the next step [s], states, and their compensation of rounding."""
 
 _HERE = Path(__file__).parent
@@ -80,7 +80,7 @@ class _Equations(Record):
 
 
 def library() -> c.CDLL | None:
-    """The compiled solver; None if it cannot be compiled."""
+    """The compiled library of the solver; None if it cannot be compiled."""
     code = compiled_library(_SOURCES, "Model Exchange is solved by CVODE")
     if code is not None:
         code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
@@ -90,17 +90,16 @@ def library() -> c.CDLL | None:
 
 @final
 class Dop853:
-    """A solver with error control, for equations that are not stiff.
+    """Explicit solver with error control.
 
-    :param code: see :func:`library`.
-    :param instance: of the FMU; ``functions`` of FMI that set the time and the states, and get their derivatives and
-        the event indicators.
-    :param signs: event indicators as the caller last read them, shape (indicators,).
-    :param tolerance: relative, of states and of their nominal values.
+    :param code: the library of :func:`library`.
+    :param instance: address of the FMU's instance; ``functions``: those of FMI that set the time and the states, and
+        get the derivatives and the event indicators.
+    :param signs: event indicators as the caller read them last, shape (indicators,).
+    :param tolerance: tolerance relative to states and to their nominal values.
     :ivar states: shape (size,).
-    :ivar stiff: whether stability has limited the last step.
-    :ivar refusal: which of time, inputs, states, derivatives and indicators the FMU has refused last, counted from 1,
-        and the status.
+    :ivar equations: structure of compiled code, with the last call that the FMU refused.
+    :ivar stiff: whether stability limited the last step.
     """
 
     def __init__(  # noqa: PLR0917 - all of them are needed
@@ -115,29 +114,20 @@ class Dop853:
         self._code, self.stiff = code, False
         self.states, self._low, self._size = np.zeros(size), np.zeros(size), np.ones(size)
         addresses = [instance.value, *(c.cast(function, c.c_void_p).value for function in functions)]
-        self._equations = _Equations(*addresses, size, signs.size, tolerance)
-        self._equations.point(y=self.states, low=self._low, size=self._size, signs=signs)
-        self._equations.point(numbers=np.zeros(code.dop853_room(size, signs.size)))
+        self.equations = _Equations(*addresses, size, signs.size, tolerance)
+        self.equations.point(y=self.states, low=self._low, size=self._size, signs=signs)
+        self.equations.point(numbers=np.zeros(code.dop853_room(size, signs.size)))
         self._motion: InputMotion | None = None
 
-    @property
-    def refusal(self) -> tuple[int, int]:
-        return self._equations.function, self._equations.status
-
-    @property
-    def last_time(self) -> float:
-        """The last time that the FMU was set to [s]."""
-        return self._equations.at
-
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Restart at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
-        e = self._equations
+        """Restart the solver at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
+        e = self.equations
         self._low[:], self._size[:] = 0.0, nominals
         e.time, e.step, e.met, e.missed, self.stiff = time, 0.0, 0, 0, False
 
-    def follow(self, motion: InputMotion | None) -> None:
-        """Let inputs follow polynomials from now on; None: hold them."""
-        e = self._equations
+    def set_motion(self, motion: InputMotion | None) -> None:
+        """Set the polynomials that inputs follow in the next steps; None: inputs are constant."""
+        e = self.equations
         if motion is None:
             e.put = None
             return
@@ -146,30 +136,30 @@ class Dop853:
             e.inputs, e.terms = motion.values.size, motion.orders.size
             e.point(rows=motion.rows, orders=motion.orders, slopes=motion.slopes)
             e.point(first=motion.first, input=motion.values)
-        e.put, e.begin = c.addressof(motion.write.compiled()), motion.start
+        e.put, e.begin = c.addressof(motion.write.compiled_record()), motion.start
 
     def step(self, stop: float) -> tuple[float, bool]:
-        """One step, not beyond a time [s].
+        """Make one step, to ``stop`` [s] at most.
 
-        :returns: where it ends [s], and whether an indicator has changed its sign there.
-        :raises RefusedError: if the FMU refuses something, see :attr:`refusal`, or no step is small enough.
+        :returns: its end [s], and whether an indicator has changed its sign there.
+        :raises RefusedError: if the FMU refuses a call, see :attr:`equations`, or no step is small enough.
         """
-        outcome = self._code.dop853_step(c.byref(self._equations), stop)
+        outcome = self._code.dop853_step(c.byref(self.equations), stop)
         if outcome in {_HARD, _REFUSED}:
             raise RefusedError("no step is small enough")
         self.stiff = outcome == _STIFF
-        return self._equations.time, outcome == _EVENT
+        return self.equations.time, outcome == _EVENT
 
-    def save(self) -> Memory:
-        """The present state, for :meth:`restore`."""
-        e = self._equations
+    def save(self) -> SolverState:
+        """State of the solver, for :meth:`restore`."""
+        e = self.equations
         return e.time, e.step, self.states.copy(), self._low.copy()
 
-    def restore(self, memory: Memory) -> None:
-        """Restore a state."""
-        e = self._equations
-        e.time, e.step, self.states[:], self._low[:] = memory
+    def restore(self, saved: SolverState) -> None:
+        """Return to a saved state."""
+        e = self.equations
+        e.time, e.step, self.states[:], self._low[:] = saved
         e.met = e.missed = 0
 
     def close(self) -> None:
-        """Do nothing, as there is no memory to release."""
+        """Do nothing: unlike CVODE, the solver has no memory to release."""

@@ -6,7 +6,6 @@ from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
-from itertools import count
 from typing import ClassVar, final
 
 import fmpy
@@ -22,13 +21,12 @@ from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.arrays import Numbers, pointer_to
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.instances.buffer_layouts import buffered, value_references
+from liaisons.cosim.instances.buffer_layouts import counted_buffer, value_references
 from liaisons.cosim.instances.loading import FMU2CoSimulation
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Scalars
 from liaisons.errors import SimulationError
 
-_handles = count(1)
-_instances: dict[int, Instance2] = {}
+_instances: dict[int, Instance2] = {}  # by their ids, which are the environments of their callbacks
 
 
 class Instance2(Loaded, ABC):
@@ -47,24 +45,23 @@ class Instance2(Loaded, ABC):
     }
     types: ClassVar = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
     flag = c_int
-    sized = False
-    transfer = TRANSFER_2
+    takes_size = False
+    transfer_kind = TRANSFER_2
 
     def _instantiate(self) -> None:
-        self._handle = next(_handles)
-        _instances[self._handle] = self
-        self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
+        _instances[id(self)] = self
+        self.fmpy_instance.instantiate(callbacks=_callbacks(id(self)), loggingOn=True)
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        rows, columns = _references(unknowns), _references(knowns)
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        rows, columns = _reference_array(unknowns), _reference_array(knowns)
         along, product = pointer_to(seed), pointer_to(values)
-        call = self._prepare("derive", *buffered(rows), *buffered(columns), along, product)
+        call = self._prepare("derive", *counted_buffer(rows), *counted_buffer(columns), along, product)
         call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(along))
         record = {"source": rows, "count": len(rows), "values": product, "size": len(columns), "more": more}
-        return call.recorded(DERIVE_2, self._pointer.value, **record)
+        return call.set_record(DERIVE_2, self._pointer.value, **record)
 
-    def _close_own(self) -> None:
-        _instances.pop(self._handle, None)
+    def _close_private(self) -> None:
+        _instances.pop(id(self), None)
         with suppress(AttributeError):
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
             # go of it before; it takes hold of it again when it is needed
@@ -80,39 +77,41 @@ class CoSimulation2(Instance2):
     def stepper(self, time: c_double, size: c_double) -> Call:
         self._span = time, size
         call = self._prepare("step", time, size, c_int(1))
-        return call.recorded(STEP_2, self._pointer.value)
+        return call.set_record(STEP_2, self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._of_orders("shape", variables, orders, values)
+        return self._derivative_call("shape", variables, orders, values)
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._of_orders("slope", variables, orders, values)
+        return self._derivative_call("slope", variables, orders, values)
 
-    def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        references, numbers, buffer = _references(variables), (c_int * len(orders))(*orders), pointer_to(values)
-        call = self._prepare(action, *buffered(references), numbers, buffer)
+    def _derivative_call(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        """Call that sets or gets derivatives of variables by time."""
+        references, numbers, buffer = _reference_array(variables), (c_int * len(orders))(*orders), pointer_to(values)
+        call = self._prepare(action, *counted_buffer(references), numbers, buffer)
         record = {"source": references, "count": len(references), "values": buffer, "more": numbers}
-        return call.recorded(ORDERS_2, self._pointer.value, **record)
+        return call.set_record(ORDERS_2, self._pointer.value, **record)
 
-    def _requested_end(self) -> float | None:
+    def _requested_end_time(self) -> float | None:
         if any(status >= DISCARD for status, _ in self._messages):
             return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
-        said, ended, reached = self._messages.copy(), c_int(), c_double()
+        messages, ended, reached = self._messages.copy(), c_int(), c_double()
         with suppress(SimulationError):  # these functions are missing from many an FMU
             self._call("fmi2GetBooleanStatus", fmi2Terminated, byref(ended))
             if ended.value:
                 self._call("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(reached))
                 return reached.value
-        self._messages = said
+        self._messages = messages
         return None
 
 
-def _references(variables: Scalars) -> Array[c_uint32]:
+def _reference_array(variables: Scalars) -> Array[c_uint32]:
     return value_references(tuple(variable.reference for variable in variables))
 
 
 @fmi2CallbackLoggerTYPE
 def _log(environment: int | None, name: bytes | None, status: int, _category: bytes, message: bytes | None) -> None:
+    """Log a message of the instance that the environment, else the name, tells."""
     instance = _instances.get(environment or 0)
     if instance is None:  # an FMU that does not hand the environment back
         instance = next((i for i in _instances.values() if i.name.encode() == name), None)
@@ -124,8 +123,9 @@ _allocate = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
 _release = fmi2CallbackFreeMemoryTYPE(fmpy.free)
 
 
-def _callbacks(handle: int) -> fmi2CallbackFunctions:
-    callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=handle)
+def _callbacks(environment: int) -> fmi2CallbackFunctions:
+    """Callback functions of an instance, whose environment is its id."""
+    callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=environment)
     # The proxy formats the variadic message.  It remembers one logger for the whole process, the last that was added:
     # hence one logger for all instances, told apart by the environment, and added anew each time.
     addLoggerProxy(byref(callbacks))

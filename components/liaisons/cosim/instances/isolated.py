@@ -1,6 +1,6 @@
 """An FMU in a process of its own: if it crashes, exits or hangs, only its run ends, with the result so far.
 
-The process is forked, makes the instance and calls it; each call is one message through a pipe, and one answer.
+The process is forked, makes the instance and calls its methods; each call is a message through a pipe and an answer.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ SUPPORTED = sys.platform == "linux"
 _RELEASE_LIMIT = 5.0
 """Time limit of the release [s]."""
 _LONGEST_LIMIT = 1e6
-"""Longer limits are none for the operating system [s]."""
+"""Largest time limit that the operating system takes [s]."""
 
 
 class _LostError(Exception):
-    """The process does not answer."""
+    """There is no answer from the process."""
 
 
 @final
@@ -50,9 +50,9 @@ class Isolated(Instance):
     """An instance in a process of its own.
 
     :param name: name of the part.
-    :param fmu: what was read from its file.
-    :param make: makes the instance, there.
-    :param limit: how long a call may take [s].
+    :param fmu: description of the FMU.
+    :param make: makes the instance in the other process.
+    :param limit: time limit of a call [s].
     :raises SimulationError: as ``make`` does, or if it crashes.
     """
 
@@ -61,7 +61,7 @@ class Isolated(Instance):
         self._pipe, child_end = Pipe()
         self._answers = select.poll()
         self._answers.register(self._pipe, select.POLLIN)
-        self._fate = self._how = ""  # what has become of its process, once it does not answer
+        self._fate = self._exit_status = ""  # how its process ended, once it does not answer
         self._function = ""  # of FMI, that the last prepared call calls
         self._guard: int | None = _fork(self._pipe, child_end, make)
         try:
@@ -80,9 +80,6 @@ class Isolated(Instance):
     def exit_initialization(self) -> None:
         self._ask(f"fmi{self._fmu.version}ExitInitializationMode", "exit_initialization")
 
-    def reset(self) -> None:
-        self._ask("its reset", "reset")
-
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         return self._prepare("get", "getter", variables, received=values)
 
@@ -95,8 +92,8 @@ class Isolated(Instance):
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         return self._prepare("save", "save_and_restore_calls"), self._prepare("restore", None)
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        return self._prepare("derive", "directional", unknowns, knowns, sent=[seed], received=values)
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        return self._prepare("derive", "directional_derivatives", unknowns, knowns, sent=[seed], received=values)
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepare("slope", "output_derivatives", variables, orders, received=values)
@@ -104,12 +101,12 @@ class Isolated(Instance):
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
-    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
-        return self._prepare("set", "intermediate_update", variables, sent=[values])
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
+        return self._prepare("set", "prepare_intermediate_inputs", variables, sent=[values])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
         if self._fate:
-            return self._lost(f"{self._function}{when}")
+            return self._lost_error(f"{self._function}{when}")
         return self._ask("its refusal", "failure", when)
 
     def close(self) -> None:
@@ -119,9 +116,9 @@ class Isolated(Instance):
             logger.warning("%s", error)
 
     def release(self) -> None:
-        """Release the instance, and end its process; safe to repeat.
+        """Release the instance and end its process; safe to repeat.
 
-        :raises SimulationError: if it crashes meanwhile.
+        :raises SimulationError: if the process crashes meanwhile; :meth:`close` logs the error instead.
         """
         try:
             if not self._fate:
@@ -129,7 +126,7 @@ class Isolated(Instance):
                 self._ask("its release", "close")
         finally:
             self._fate = self._fate or "has been released"
-            self._end()
+            self._end_process()
 
     def _prepare(
         self,
@@ -139,10 +136,11 @@ class Isolated(Instance):
         sent: Sequence[Any] = (),
         received: Numbers | None = None,
     ) -> Call:
-        """Prepare a call in the other process; returns the call that has it made.
+        """Prepare a call in the other process; returns the call that makes it through the pipe.
 
-        :param method: of the instance, which prepares it; None: the second of the two calls that were prepared last.
-        :param arguments: those that stay; buffers follow, which are ``sent`` with each call, or ``received``.
+        :param method: name of the method that prepares it; None: the second call that the last method returned.
+        :param arguments: first arguments of the method; its buffers follow.
+        :param sent: buffers whose values are sent with each call; ``received``: the one whose values come back.
         """
         shapes = [np.shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
         number = self._ask("its preparation", "prepare", method, arguments, shapes)
@@ -151,31 +149,31 @@ class Isolated(Instance):
             types = dict.fromkeys(variable.base for variable in arguments[0])
             function = " or ".join(f"fmi{self._fmu.version}{action.title()}{base}" for base in types)
 
-        def call() -> int:
+        def call_by_pipe() -> int:
             self._function = function
             try:
-                status, data = self._answer("call", number, b"".join(sent))
+                status, data = self._request("call", number, b"".join(sent))
             except _LostError:
                 return FATAL
             if received is not None:
                 received[:] = np.frombuffer(data)
             return status if status in range(len(STATUSES)) else FATAL  # the others are those of compiled code
 
-        return self.prepared(action, call)
+        return self.prepare_call(action, call_by_pipe)
 
     def _ask(self, task: str, method: str, *arguments: object) -> Any:
-        """Call a method in the other process; returns what it returns.
+        """Call a method in the other process; returns its result.
 
-        :param task: for messages.
+        :param task: words for the call, for the message.
         :raises SimulationError: as the method does, or if there is no answer.
         """
         try:
-            return self._answer(method, *arguments)
+            return self._request(method, *arguments)
         except _LostError:
-            raise self._lost(task) from None
+            raise self._lost_error(task) from None
 
-    def _answer(self, *message: object) -> Any:
-        """Send a message; returns what the method returns.
+    def _request(self, *message: object) -> Any:
+        """Send a message, and wait for the answer; returns the result of the method.
 
         :raises LiaisonsError: as the method does.
         :raises _LostError: if there is no answer.
@@ -196,18 +194,19 @@ class Isolated(Instance):
                     raise answer.pop(0)  # by a name it would refer to itself, and to all that this frame does
                 return answer[1]
             self._fate = f"has not returned within {self._limit:g} s; give isolated more seconds if it needs them"
-            self._end()
+            self._end_process()
             raise _LostError
-        self._how = self._end()
-        self._fate = f"crashed ({self._how})"
+        self._exit_status = self._end_process()
+        self._fate = f"crashed ({self._exit_status})"
         raise _LostError
 
-    def _lost(self, task: str) -> SimulationError:
+    def _lost_error(self, task: str) -> SimulationError:
+        """Error for a task without an answer."""
         words = f"{self.name}: {task} {self._fate}"
-        return ProcessEndedError(words, self._how) if self._how else SimulationError(words)
+        return ProcessEndedError(words, self._exit_status) if self._exit_status else SimulationError(words)
 
-    def _end(self) -> str:
-        """End the process, if it has not ended; returns how it did."""
+    def _end_process(self) -> str:
+        """End the process, unless it has ended; returns its signal or exit status as text."""
         guard, self._guard = self._guard, None
         self._pipe.close()
         with suppress(ChildProcessError):  # somebody else has waited for it
@@ -221,17 +220,17 @@ class Isolated(Instance):
 
 
 def _fork(pipe: Connection, child_end: Connection, make: Callable[[], Instance]) -> int:
-    """Fork a process that makes the instance and calls it; returns the id of its guard."""
+    """Fork a process that makes the instance and calls it; returns the process id of its guard."""
 
-    def close() -> None:
+    def close_pipe() -> None:
         pipe.close()
         child_end.close()
 
-    _flush()
+    _flush_streams()
     with warnings.catch_warnings():
         # Python 3.12, and others, warn of forks beside threads; ours touches nothing that those could hold locked.
         warnings.simplefilter("ignore")
-        guard = fork_guarded(close=close)
+        guard = fork_guarded(close=close_pipe)
     if guard:
         child_end.close()
         return guard
@@ -242,13 +241,13 @@ def _fork(pipe: Connection, child_end: Connection, make: Callable[[], Instance])
         pipe.close()
         _serve(child_end, make)
     finally:
-        _flush()
+        _flush_streams()
         os._exit(0)
 
 
 @final
 class _Server:
-    """Calls the methods of an instance, and the calls that they prepare."""
+    """Calls the methods of an instance and the calls that they prepare, as messages ask."""
 
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
@@ -256,7 +255,7 @@ class _Server:
         self._last: tuple[Call, int]
 
     def respond(self, method: str, *arguments: Any) -> Any:
-        """Do what a message asks for; returns the value."""
+        """Call the method that a message names; returns its result."""
         if method == "functions":
             return dict(self._instance.functions)
         if method in {"call", "prepare", "failure"}:
@@ -264,14 +263,14 @@ class _Server:
         return getattr(self._instance, method)(*arguments)
 
     def _call(self, number: int, sent: bytes) -> tuple[int, bytes]:
-        """Make a prepared call; returns its status, and the bytes of the buffers that it has filled."""
+        """Make a prepared call with the bytes of its buffers; returns its status, and the bytes that it has read."""
         call, store = self._calls[number]
         store[: len(sent)] = sent
         self._last = call, (status := call() or OK)
         return status, bytes(memoryview(store)[len(sent) :])
 
-    def _prepare(self, method: str | None, fixed: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:
-        """Prepare calls with buffers of these shapes, () for one double; returns the number of the first."""
+    def _prepare(self, method: str | None, arguments: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:
+        """Prepare calls by a method with buffers of some shapes, () for one double; returns the number of the first."""
         if method is None:
             return len(self._calls) - 1
         sizes = [math.prod(shape) for shape in shapes]
@@ -280,19 +279,19 @@ class _Server:
             numbers = (c.c_double * size).from_buffer(store, offset)
             buffers.append(np.asarray(numbers).reshape(shape) if shape else c.c_double.from_buffer(numbers))
             offset += 8 * size
-        made, first = getattr(self._instance, method)(*fixed, *buffers), len(self._calls)
+        made, first = getattr(self._instance, method)(*arguments, *buffers), len(self._calls)
         self._calls += [(call, store) for call in (made if isinstance(made, tuple) else (made,))]
         return first
 
     def _failure(self, when: str) -> LiaisonsError:
-        """The error of the last call."""
+        """Error for the status of the last prepared call."""
         call, status = self._last
         return call.error(status, when)
 
 
 @final
 class _Messages(logging.Handler):
-    """Sends what is logged to the other process, which waits for an answer."""
+    """Sends log records to the other process, which waits for an answer."""
 
     def __init__(self, pipe: Connection) -> None:
         super().__init__()
@@ -303,7 +302,7 @@ class _Messages(logging.Handler):
 
 
 def _serve(pipe: Connection, make: Callable[[], Instance]) -> None:
-    """Make an instance, and answer messages until it is closed."""
+    """Make an instance, and answer messages until one closes it."""
     logger.logger.handlers, logger.logger.propagate = [_Messages(pipe)], False
     logger.setLevel(min(logger.getEffectiveLevel(), logging.WARNING))
     server, method = None, ""
@@ -320,8 +319,8 @@ def _serve(pipe: Connection, make: Callable[[], Instance]) -> None:
             return
 
 
-def _flush() -> None:
-    """Write what was printed so far, by Python and by C, which neither process is to print again."""
+def _flush_streams() -> None:
+    """Flush the output of Python and of C, which both processes would print after a fork."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):
             stream.flush()

@@ -1,4 +1,4 @@
-"""FMPy's classes as they are instantiated here.
+"""Subclasses of FMPy's classes whose instances share the functions of their library.
 
 FMPy looks up every function of FMI for each instance, which takes a millisecond and 50 kB, and refuses a library that
 lacks one.  Here the instances of a library share the functions, and a missing one raises its error when it is called.
@@ -11,7 +11,7 @@ from contextlib import chdir
 from ctypes import CDLL
 from pathlib import Path
 from threading import RLock
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.fmi3 import FMU3Model, FMU3Slave
@@ -23,7 +23,7 @@ _lock = RLock()
 
 @final
 class _Library(CDLL):
-    """A library in which every function can be looked up.
+    """A library in which a missing function raises an error when it is called, not when it is looked up.
 
     :ivar functions: those of FMI, by name, as FMPy calls them.
     :ivar users: number of instances.
@@ -38,11 +38,11 @@ class _Library(CDLL):
         try:
             return super().__getattr__(name)
         except AttributeError as error:
-            return _missing(str(error))
+            return _raising_function(str(error))
 
 
-def _missing(message: str) -> Callable[..., Any]:
-    """A function that raises an error, in place of one that a library lacks."""
+def _raising_function(message: str) -> Callable[..., Any]:
+    """Function that raises an AttributeError, for one that a library lacks."""
 
     def call(*_: object) -> None:
         raise AttributeError(message)
@@ -54,12 +54,13 @@ _libraries: dict[tuple[type, int | None], _Library] = {}
 
 
 class _Sharing:
-    """Shares the functions of a library with its other instances."""
+    """Shares the functions of a library among its instances."""
 
     dll: CDLL
     _functions: dict[str, Any]
 
     def _loadFunctions(self) -> None:  # noqa: N802 - FMPy's name
+        """Set the functions of the library, which FMPy looks up for its first instance."""
         key = type(self), self.dll._handle  # noqa: SLF001 - likewise
         library = _libraries.get(key) or _Library(self.dll)
         self.dll, self._functions = library, library.functions
@@ -69,7 +70,7 @@ class _Sharing:
         library.users += 1
 
     def freeLibrary(self) -> None:  # noqa: N802 - likewise
-        """Unload the library."""
+        """Unload the library, once for each instance."""
         assert isinstance(self.dll, _Library)
         with _lock:
             self.dll.users -= 1
@@ -101,23 +102,18 @@ class FMU3ModelExchange(_Sharing, FMU3Model):
     """A Model Exchange FMU of FMI 3.0."""
 
 
-FmpyInstance = FMU2CoSimulation | FMU2ModelExchange | FMU3CoSimulation | FMU3ModelExchange
-"""What FMPy makes of an FMU."""
+def load_fmu(fmpy_class: Callable[..., Any], name: str, fmu: Fmu, directory: Path) -> Any:
+    """Load the library of an FMU; returns the object of FMPy, not yet instantiated.
 
-Kind = TypeVar("Kind", bound=FmpyInstance)
-
-
-def load(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
-    """The FMU as an FMPy object, its library loaded, not yet instantiated.
-
+    :param fmpy_class: one of the classes above.
     :param name: instance name.
-    :param directory: where its file was extracted.
+    :param directory: folder of the extracted FMU.
     :raises OSError: if the library cannot be loaded.
     """
     folder = directory.resolve()
     paths = {"unzipDirectory": str(folder), "libraryPath": str(folder / fmu.binary)}
     with _lock, chdir("."):  # FMPy loads in the folder of the library, and stays there if that fails
         try:
-            return kind(guid=fmu.guid, modelIdentifier=fmu.identifier, instanceName=name, **paths)
+            return fmpy_class(guid=fmu.guid, modelIdentifier=fmu.identifier, instanceName=name, **paths)
         except Exception as error:  # FMPy raises nothing more specific
             raise OSError(error.__context__ or error) from error

@@ -1,4 +1,4 @@
-"""Instances of FMUs: their protocol, and what FMI 2.0 and 3.0 have in common."""
+"""Instances of FMUs: the protocol, and the part that FMI 2.0 and 3.0 share."""
 
 from __future__ import annotations
 
@@ -17,17 +17,23 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 
 from liaisons.cosim.arrays import Numbers, Vector, pointer_to
-from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
+from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Starts
 from liaisons.cosim.description.variables import Scalar
-from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, layouts, value_references
-from liaisons.cosim.instances.loading import FmpyInstance, load
+from liaisons.cosim.instances.buffer_layouts import (
+    BufferLayout,
+    Transfer,
+    counted_buffer,
+    layouts_by_type,
+    value_references,
+)
+from liaisons.cosim.instances.loading import load_fmu
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, SUCCESS, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
 INTERMEDIATE_INSTANTS = 5
-"""Instants in a step at which an FMU of ours takes inputs: its fifths, the end among them."""
+"""Number of instants inside a step at which an FMU of ours takes inputs: its fifths, the end among them."""
 
 Scalars = Sequence[Scalar]
 
@@ -41,8 +47,8 @@ class Instance(ABC):
 
     Callers use only the capabilities that its :class:`Fmu` declares.
 
-    :ivar name: name of the part, used as instance name and in messages.
-    :ivar functions: what FMI calls the functions of prepared calls.
+    :ivar name: name of the component, used as instance name and in messages.
+    :ivar functions: names of the FMI functions of prepared calls, by action.
     """
 
     name: str
@@ -56,80 +62,78 @@ class Instance(ABC):
 
     @abstractmethod
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        """Enter initialization with these start values; tolerance None: the FMU's own.
+        """Set start values, and enter initialization mode; in another run, the caller has restored the state before it.
 
-        :param stop_time: [s]; infinite: none.
+        :param tolerance: relative tolerance of the FMU's solver; None: its default.
+        :param stop_time: [s]; infinite: the FMU is told none.
         """
 
     @abstractmethod
     def assign(self, name: str, value: Any) -> None:
-        """Set a start value as :func:`liaisons.cosim.description.start_values.start_values` returned it."""
+        """Set a start value, converted by :func:`liaisons.cosim.description.start_values.start_values`."""
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """Exit initialization; steps follow."""
-
-    @abstractmethod
-    def reset(self) -> None:
-        """Prepare for the state from before initialization, which the caller restores next."""
+        """Exit initialization mode; steps may follow."""
 
     @abstractmethod
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that reads variables into a buffer of as many values."""
+        """Call that reads variables into a buffer, one value for each."""
 
     @abstractmethod
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that sets variables from a buffer of as many values."""
+        """Call that sets variables from a buffer, one value for each."""
 
     @abstractmethod
     def stepper(self, time: c_double, size: c_double) -> Call:
-        """A call that makes a communication step from the time in one buffer, by the size in the other [s]."""
+        """Call that makes a communication step; the buffers have its start and its size [s] when it is made."""
 
     @abstractmethod
     def save_and_restore_calls(self) -> tuple[Call, Call]:
-        """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
+        """Call that saves the state of the FMU, and call that restores it, any number of times."""
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed.
+    def directional_derivatives(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        """Call that writes the Jacobian of unknowns with respect to knowns, times the seed, to the values.
 
         Only where :attr:`Fmu.provides_directional_derivatives` is true.
         """
         raise NotImplementedError
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values.
+        """Call that reads derivatives of outputs by time into a buffer; ``orders`` has the order of each.
 
         Only where :attr:`Fmu.output_derivative_order` is as high.
         """
         raise NotImplementedError
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.
+        """Call that sets derivatives of inputs at the start of the next step; ``orders`` has the order of each.
 
         Only where :attr:`Fmu.input_derivatives` is true.
         """
         raise NotImplementedError
 
-    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
-        """Set inputs inside each step; returns a call that is made before the step.
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
+        """Let the FMU read inputs from an array inside each step; returns a call to be made before the step.
 
-        Only where :attr:`Fmu.inside_inputs` is true and the instance was made to request intermediate updates.
+        Only where :attr:`Fmu.takes_intermediate_inputs` is true and the instance requests
+        intermediate updates.
 
-        :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
+        :param values: values at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)).
         """
         raise NotImplementedError
 
-    def prepared(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
-        """A call of a function, whose errors this instance makes."""
-        return Call(function, *arguments).with_failure(action, self.failure)
+    def prepare_call(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
+        """Call of a function with arguments; :meth:`failure` makes its errors."""
+        return Call(function, *arguments).set_failure(action, self.failure)
 
     @abstractmethod
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        """The error of a prepared call: function, time, status, and the messages of the FMU."""
+        """Error for the status of a prepared call, with function, time and messages of the FMU."""
 
     @abstractmethod
     def close(self) -> None:
-        """Terminate and free it, as far as FMI allows in its state; safe to repeat."""
+        """Terminate and free the FMU, as far as FMI allows in its state; safe to repeat."""
 
 
 Instances = Mapping[str, Instance]
@@ -143,19 +147,19 @@ class Loaded(Instance):
     of the same functions, without argument types: FMPy converts the arguments of every call and looks its function up,
     and a prepared call costs little more than the function.
 
-    :param name: name of the part, used as instance name and in messages.
-    :param fmu: what was read from its file.
-    :param directory: where that file was extracted.
-    :ivar fmpy_instance: the FMU as an object of FMPy.
+    :param name: name of the component, used as instance name and in messages.
+    :param fmu: description of the FMU.
+    :param directory: folder of the extracted FMU.
+    :ivar fmpy_instance: object of FMPy for the FMU.
     :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
     """
 
     prefix: ClassVar[str]
-    fmpy_class: ClassVar[type[FmpyInstance]]
+    fmpy_class: ClassVar[Callable[..., Any]]
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
-    sized: ClassVar[bool]  # whether FMI's functions take the number of values
-    transfer: ClassVar[int]  # kind of the calls that get and set
+    takes_size: ClassVar[bool]  # whether functions that get and set take the number of values
+    transfer_kind: ClassVar[int]  # kind of the records of calls that get and set
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self.name = name
@@ -167,7 +171,7 @@ class Loaded(Instance):
         self._states: list[c_void_p] = []
         self._functions: dict[str, Callable[..., int]] = {}
         try:
-            self.fmpy_instance: Any = load(self.fmpy_class, name, fmu, directory)
+            self.fmpy_instance = load_fmu(self.fmpy_class, name, fmu, directory)
         except OSError as error:
             raise SimulationError(f"{name}: the library of {fmu.path.name} cannot be loaded: {error}") from error
         # loggingOn enables all categories; those of OK are not used
@@ -183,20 +187,20 @@ class Loaded(Instance):
             raise SimulationError(words) from error
         except Exception as error:  # FMPy raises nothing more specific
             self.close()
-            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._complaint()}") from error
+            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._message_text()}") from error
         self._pointer = c_void_p(self.fmpy_instance.component)
 
     @abstractmethod
     def _instantiate(self) -> None:
-        """Instantiate it by FMPy."""
+        """Instantiate the FMU by FMPy."""
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        ends = math.isfinite(stop_time)
+        self._initialized, ends = False, math.isfinite(stop_time)
         experiment = tolerance is not None, tolerance or 0.0, start_time, ends, stop_time if ends else 0.0
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
             experiment = ()
-        structural = {name for name in starts if self._fmu.variables.entry(name).like.structural}
+        structural = {name for name in starts if self._fmu.variables.entry(name).prototype.is_structural}
         if structural:
             self._call(f"{self.prefix}EnterConfigurationMode")
             for name in structural:
@@ -209,12 +213,12 @@ class Loaded(Instance):
 
     def assign(self, name: str, value: Any) -> None:
         entry = self._fmu.variables.entry(name)
-        base, references = entry.like.base, entry.references
+        base, references = entry.prototype.base, entry.references
         values = value if isinstance(value, tuple) else (value,)
         about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
         texts = tuple(text.encode() for text in values) if base == "String" else values
         counted = (c_uint32 * len(references))(*references), len(references)
-        sizes = [len(values)] if self.sized else []
+        sizes = [len(values)] if self.takes_size else []
         self._call(f"{self.prefix}Set{base}", *counted, (self.types[base] * len(values))(*texts), *sizes, about=about)
 
     def exit_initialization(self) -> None:
@@ -228,51 +232,49 @@ class Loaded(Instance):
         return self._transfer("set", variables, values)
 
     def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
-        parts = layouts(self._fmu, variables, self.types)
-        if len(parts) == 1 and parts[0].direct:
+        """Call that gets or sets variables of any types, elements of arrays among them."""
+        parts = layouts_by_type(self._fmu, variables, self.types)
+        if len(parts) == 1 and parts[0].is_identity:
             return self._transfer_whole(action, parts[0], values)
         numbers = np.asarray(values)
         calls: list[Transfer] = []
         if action == "set":
-            calls += [self._transfer_whole("get", part) for part in parts if not part.whole]
+            calls += [self._transfer_whole("get", part) for part in parts if not part.is_complete]
         for part in parts:
             copy = part.read_into if action == "get" else part.write_from
             calls.append(partial(copy, self._transfer_whole(action, part), numbers))
-        return self._combine(action, calls, " or ".join(self._function_name(action, part) for part in parts))
+        return self._combined_call(action, calls, " or ".join(self._function_name(action, part) for part in parts))
 
     def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
-        """A call that reads or sets whole variables from these values, else by the buffer that they have."""
+        """Call that gets or sets whole variables of one type by the values, or by the buffer of the layout."""
         buffer = layout.buffer if values is None else pointer_to(values)
         references, name = value_references(layout.references), self._function_name(action, layout)
-        arguments = *buffered(references), *buffered(buffer)[: 2 if self.sized else 1]
-        call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failure_of(name))
+        arguments = *counted_buffer(references), *counted_buffer(buffer)[: 2 if self.takes_size else 1]
+        call = self._call_of_function(name, action, self._function(name), self._pointer, *arguments)
         record = {"source": references, "count": len(references), "values": buffer, "size": len(buffer)}
-        return call.recorded(self.transfer, self._pointer.value, **record)
+        return call.set_record(self.transfer_kind, self._pointer.value, **record)
 
     def _function_name(self, action: Action, layout: BufferLayout) -> str:
-        """The name of the FMI function that gets or sets variables of this type."""
+        """Name of the FMI function that gets or sets the variables of a layout."""
         return f"{self.prefix}{action.capitalize()}{layout.base}"
 
-    def _combine(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
-        """One call that makes several calls in order, and returns the worst status."""
-        return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failure_of(function))
+    def _combined_call(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
+        """Call that makes several calls in order, and returns the worst status."""
+        return self._call_of_function(function, action, lambda: max((call() for call in calls), default=0))
 
-    def _failure_of(self, function: str) -> Failure:
-        """A function that returns the error of a status of an FMI function."""
-        return lambda _, status, when: self._error(function, status, when)
+    def _call_of_function(self, name: str, action: Action, function: Callable[..., int], *arguments: object) -> Call:
+        """Call whose errors name another FMI function than that of the action."""
+        return Call(function, *arguments).set_failure(action, lambda _, status, when: self._error(name, status, when))
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         state = c_void_p()
         self._states.append(state)
         save, restore = self._prepare("save", byref(state)), self._prepare("restore", state)
         address = self._pointer.value
-        return save.recorded(SAVE, address, values=state), restore.recorded(RESTORE, address, values=state)
-
-    def reset(self) -> None:
-        self._initialized = False
+        return save.set_record(SAVE, address, values=state), restore.set_record(RESTORE, address, values=state)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        end = self._requested_end() if action == "step" and status == DISCARD else None
+        end = self._requested_end_time() if action == "step" and status == DISCARD else None
         if end is not None:
             begin, size = (number.value for number in self._span) if self._span else (end, 0.0)
             if not -_ROUNDING * size <= end - begin <= (1 + _ROUNDING) * size:  # nor is not-a-number
@@ -281,14 +283,14 @@ class Loaded(Instance):
         return self._error(self.functions[action], status, when)
 
     @abstractmethod
-    def _requested_end(self) -> float | None:
-        """The time that the last step reached [s], if the FMU requests the end of the simulation; else None."""
+    def _requested_end_time(self) -> float | None:
+        """Time [s] at which the FMU requests the end of the simulation, in the last step; None if it does not."""
 
     def close(self) -> None:
         if self._closed:
             return
         self._closed = True
-        self._close_own()
+        self._close_private()
         if self._worst_status == FATAL:  # then FMI forbids every call, the release included
             return
         try:
@@ -300,22 +302,22 @@ class Loaded(Instance):
         self.fmpy_instance.freeLibrary()
 
     def _release(self) -> None:
-        """Terminate it, and free its states, itself and its library."""
+        """Terminate the FMU; free its saved states, the instance and the library."""
         if self._initialized and self._worst_status < ERROR:
             try:
                 self.fmpy_instance.terminate()
             except FMICallException as error:
-                logger.warning("%s: %s failed%s", self.name, error.function, self._complaint())
+                logger.warning("%s: %s failed%s", self.name, error.function, self._message_text())
         for state in filter(None, self._states):
             with suppress(FMICallException):
                 self.fmpy_instance.freeFMUState(state)
         self.fmpy_instance.freeInstance()
 
-    def _close_own(self) -> None:
-        """Close what belongs to this instance beside its library."""
+    def _close_private(self) -> None:
+        """Release the resources of this instance that are not of FMPy."""
 
     def _log_message(self, status: int, message: bytes | None) -> None:
-        """Keep a message of the FMU, and log it to the channel ``liaisons.cosim`` if it is new."""
+        """Store a message of the FMU, and log it to the channel ``liaisons.cosim`` if it is new."""
         entry = status, one_line((message or b"")[:_LONGEST_MESSAGE].decode(errors="replace").strip())
         if entry not in self._messages:
             self._messages.append(entry)
@@ -324,24 +326,24 @@ class Loaded(Instance):
             more = "; further warnings of it are not shown" if self._warnings == _MOST_WARNINGS else ""
             logger.log(logging.WARNING if shown else logging.DEBUG, "%s: %s%s", self.name, entry[1], more)
 
-    def _complaint(self) -> str:
-        """The messages of the FMU with status Discard or worse, else its last message."""
+    def _message_text(self) -> str:
+        """The messages of the FMU with status Discard or worse, else its last message, as the end of an error."""
         complaints = dict.fromkeys(message for status, message in self._messages if status >= DISCARD)
-        said = list(complaints) or [message for _, message in self._messages][-1:]
-        return f": {'; '.join(said)}" if said else " without a message"
+        messages = list(complaints) or [message for _, message in self._messages][-1:]
+        return f": {'; '.join(messages)}" if messages else " without a message"
 
     def _error(self, function: str, status: int, about: str) -> SimulationError:
-        """The error of a status other than OK and Warning."""
+        """Error for a status other than OK and Warning."""
         is_status = status in range(len(STATUSES))
         self._worst_status = max(self._worst_status, status) if is_status else FATAL
         label = STATUSES[status] if is_status else f"{status}, which is no status of FMI"
-        words = f"{self.name}: {function}{about} returned {label}{self._complaint()}"
+        words = f"{self.name}: {function}{about} returned {label}{self._message_text()}"
         # after a roll-back, the next failure has its own messages
         self._messages = deque((entry for entry in self._messages if entry[0] < DISCARD), maxlen=_MESSAGES_KEPT)
         return (RefusedError if status in {DISCARD, ERROR} else SimulationError)(words)
 
     def _call(self, function: str, *arguments: object, about: str = "") -> None:
-        """Call a function of FMI by FMPy, which converts the arguments.
+        """Call an FMI function by FMPy, which converts the arguments, and check the status.
 
         :raises SimulationError: for a status that is none of OK and Warning, and if the library lacks the function.
         """
@@ -350,33 +352,33 @@ class Loaded(Instance):
         except FMICallException as error:
             status = error.status
         except AttributeError:
-            raise self._missing_function(function) from None
+            raise self._missing_function_error(function) from None
         self._check(function, status, about)
 
     def _check(self, function: str, status: int, about: str = "") -> None:
+        """Raise the error for a status of a function unless it is OK or Warning."""
         if status not in SUCCESS:  # to FMPy, a negative one is a success
             raise self._error(function, status, about)
 
-    def _missing_function(self, function: str) -> SimulationError:
+    def _missing_function_error(self, function: str) -> SimulationError:
         words = f"the library of {self._fmu.path.name} has no function {function}; export it again"
         return SimulationError(f"{self.name}: {words}")
 
     def _prepare(self, action: Action, *arguments: object) -> Call:
-        return self.prepared(action, self._function(self.functions[action]), self._pointer, *arguments)
+        """Call of the FMI function of an action, with arguments behind the instance."""
+        return self.prepare_call(action, self._function(self.functions[action]), self._pointer, *arguments)
 
     def _function(self, name: str) -> Callable[..., int]:
+        """The function of the library with a name, without argument types."""
         if name not in self._functions:
             try:
                 self._functions[name] = _function_at(cast(self.fmpy_instance.dll[name], c_void_p).value or 0)
             except AttributeError:
-                raise self._missing_function(name) from None
+                raise self._missing_function_error(name) from None
         return self._functions[name]
 
 
 @cache
 def _function_at(address: int) -> Callable[..., int]:
-    """The function at an address, without argument types, shared by all instances.
-
-    Shared functions of a thousand instances stay in the processor's cache.
-    """
+    """The function at an address, without argument types, shared by all instances."""
     return CFUNCTYPE(c_int)(address)

@@ -1,4 +1,4 @@
-"""An instance of a function of Python that is sampled."""
+"""Instances of functions of Python that are sampled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import Action, Call
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.sampled_function import TIME, SampledFunction
+from liaisons.cosim.description.sampled_function import TIME, SampledFunction, variable_name
 from liaisons.cosim.description.start_values import Starts
 from liaisons.cosim.instances.protocol import Instance, Scalars
 from liaisons.cosim.messages import ERROR
@@ -21,12 +21,12 @@ from liaisons.errors import SimulationError
 
 @final
 @dataclass(frozen=True, eq=False)
-class _Memory:
-    """What a function has done until an instant.
+class _State:
+    """State of the instance at an instant.
 
-    :ivar before: outputs before the last sample, and its state; ``after``: those after it.
-    :ivar last: instant of the last sample [s]; ``seen``: its inputs.
-    :ivar waits: whether inputs were set since.
+    :ivar before: outputs and state of the function before the last sample; ``after``: after it.
+    :ivar last: instant of the last sample [s]; ``last_inputs``: its inputs.
+    :ivar is_pending: whether inputs were set after it.
     """
 
     inputs: Vector
@@ -34,13 +34,13 @@ class _Memory:
     after: tuple[Vector, Any]
     time: float = 0.0
     last: float = 0.0
-    waits: bool = True
-    seen: Vector | None = None
+    is_pending: bool = True
+    last_inputs: Vector | None = None
 
 
 @final
 class SampledInstance(Instance):
-    """Calls a function at samples, with the inputs of their instants; where these change there, once more."""
+    """Calls a function at each sample, and again if its inputs change at the same instant."""
 
     functions: ClassVar[Mapping[Action, str]] = {}
 
@@ -49,40 +49,39 @@ class SampledInstance(Instance):
         self.name, self._function = name, fmu.function
         self._inputs, self._outputs = list(fmu.function.inputs), list(fmu.function.outputs)
         self._error = ""
-        self.reset()
-
-    def reset(self) -> None:
-        start = np.zeros(len(self._outputs)), self._function.state
-        self._memory = _Memory(np.zeros(len(self._inputs)), start, start)
+        start = np.zeros(len(self._outputs)), fmu.function.state
+        self._state = self._start = _State(np.zeros(len(self._inputs)), start, start)
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:  # noqa: ARG002 - it has no solver
-        self.reset()
         function = self._function
         last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
-        self._memory = replace(self._memory, time=start_time, last=last)
+        self._state = replace(self._start, inputs=self._start.inputs.copy(), time=start_time, last=last)
         for name, value in starts.items():
             self.assign(name, value)
 
     def assign(self, name: str, value: Any) -> None:
-        self._memory.inputs[self._inputs.index(name)] = value
+        self._state.inputs[self._inputs.index(name)] = value
 
     def exit_initialization(self) -> None:
-        if self._take():
+        if self._take_sample():
             raise self.failure("get", ERROR, "")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        return self.prepared("get", self._read, [variable.name for variable in variables], np.asarray(values))
+        return self.prepare_call("get", self._read, [variable.name for variable in variables], np.asarray(values))
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        places = [self._inputs.index(variable.name) for variable in variables]
-        return self.prepared("set", self._write, places, np.asarray(values))
+        indices = [self._inputs.index(variable.name) for variable in variables]
+        return self.prepare_call("set", self._write, indices, np.asarray(values))
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return self.prepared("step", self._step, time, size)
+        return self.prepare_call("step", self._step, time, size)
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
-        saved: list[_Memory] = []
-        return self.prepared("save", self._save, saved), self.prepared("restore", self._restore, saved)
+        saved = [self._state]
+        return (
+            self.prepare_call("save", lambda: saved.__setitem__(0, self._state)),
+            self.prepare_call("restore", lambda: setattr(self, "_state", saved[0])),
+        )
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
@@ -90,23 +89,23 @@ class SampledInstance(Instance):
     def close(self) -> None:
         pass
 
-    def _take(self) -> int:
-        """Take the sample that is due now, or again that of this instant; returns the status."""
-        memory, function = replace(self._memory, waits=False), self._function
-        self._memory, instant = memory, function.last_sample(memory.time)
-        if not function.is_sample(memory.time) or instant < memory.last - function.period / 2:
+    def _take_sample(self) -> int:
+        """Take the sample that is due, or that of this instant again if inputs have changed; returns the status."""
+        state, function = replace(self._state, is_pending=False), self._function
+        self._state, instant = state, function.last_sample(state.time)
+        if not function.is_sample(state.time) or instant < state.last - function.period / 2:
             return 0
-        is_new = instant > memory.last + function.period / 2
-        if not is_new and memory.seen is not None and np.array_equal(memory.seen, memory.inputs):
+        is_new = instant > state.last + function.period / 2
+        if not is_new and state.last_inputs is not None and np.array_equal(state.last_inputs, state.inputs):
             return 0
-        before = memory.after if is_new else memory.before
-        readings = dict(zip(self._inputs, memory.inputs.tolist(), strict=True)) | {TIME: instant}
-        arguments = [readings[name.rpartition(".")[2]] for name in function.reads]
+        before = state.after if is_new else state.before
+        readings = dict(zip(self._inputs, state.inputs.tolist(), strict=True)) | {TIME: instant}
+        arguments = [readings[variable_name(name)] for name in function.reads]
         try:
             if function.state is None:
-                result, state = function.function(*arguments), None
+                result, memory = function.function(*arguments), None
             else:
-                result, state = function.function(before[1], *arguments)
+                result, memory = function.function(before[1], *arguments)
             outputs = np.array(result, dtype=float).reshape(-1)
         except Exception as error:  # noqa: BLE001 - it is the user's
             self._error = f"{function.name} fails at t = {instant:.10g} s: {error!r}"
@@ -115,43 +114,35 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        self._memory = replace(memory, before=before, after=(outputs, state), last=instant, seen=memory.inputs)
+        self._state = replace(state, before=before, after=(outputs, memory), last=instant, last_inputs=state.inputs)
         return 0
 
     def _read(self, names: Sequence[str], values: Vector) -> int:
-        if self._memory.waits and (status := self._take()):
+        if self._state.is_pending and (status := self._take_sample()):
             return status
-        memory, function = self._memory, self._function
-        is_ready = function.is_due(memory.time, memory.last + function.delay)
-        outputs = (memory.after if is_ready else memory.before)[0]
+        state, function = self._state, self._function
+        is_ready = function.is_due(state.time, state.last + function.delay)
+        outputs = (state.after if is_ready else state.before)[0]
         numbers: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
-        numbers |= dict(zip(self._inputs, memory.inputs.tolist(), strict=True))
+        numbers |= dict(zip(self._inputs, state.inputs.tolist(), strict=True))
         for i, name in enumerate(names):
-            values[i] = numbers[name] if name in numbers else function.next_event(memory.time)
+            values[i] = numbers[name] if name in numbers else function.next_event(state.time)
         return 0
 
-    def _write(self, places: Sequence[int], values: Vector) -> int:
-        inputs = self._memory.inputs.copy()
-        inputs[places] = values
-        self._memory = replace(self._memory, inputs=inputs, waits=True)
+    def _write(self, indices: Sequence[int], values: Vector) -> int:
+        inputs = self._state.inputs.copy()
+        inputs[indices] = values
+        self._state = replace(self._state, inputs=inputs, is_pending=True)
         return 0
 
     def _step(self, time: c_double, size: c_double) -> int:
-        function, self._memory = self._function, replace(self._memory, time=time.value)
-        is_taken = abs(self._memory.last - function.last_sample(time.value)) < function.period / 2
-        if (self._memory.waits or not is_taken) and (status := self._take()):
+        function, self._state = self._function, replace(self._state, time=time.value)
+        is_taken = abs(self._state.last - function.last_sample(time.value)) < function.period / 2
+        if (self._state.is_pending or not is_taken) and (status := self._take_sample()):
             return status
         end = time.value + size.value
-        if not function.is_due(self._memory.last + function.period, end):
+        if not function.is_due(self._state.last + function.period, end):
             self._error = f"a sample lies inside the step from t = {time.value:.10g} s of {size.value:.10g} s"
             return ERROR
-        self._memory = replace(self._memory, time=end, waits=not self._inputs)
-        return 0
-
-    def _save(self, saved: list[_Memory]) -> int:
-        saved[:] = [self._memory]
-        return 0
-
-    def _restore(self, saved: list[_Memory]) -> int:
-        (self._memory,) = saved
+        self._state = replace(self._state, time=end, is_pending=not self._inputs)
         return 0

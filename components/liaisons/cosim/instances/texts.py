@@ -1,4 +1,4 @@
-"""Strings of FMUs as numbers, since a run transfers and records numbers only; valid in this process."""
+"""Strings of FMUs as numbers, since a run transfers and records numbers only; a number is valid in one process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _next = count(1)
 
 
 def number(text: bytes | None) -> int:
-    """The number of a string."""
+    """Number that stands for a string."""
     index = _numbers.get(text or b"")
     if index is None:
         index = _numbers.setdefault(text or b"", next(_next))
@@ -21,7 +21,7 @@ def number(text: bytes | None) -> int:
 
 
 def text(number: float) -> bytes:
-    """The string of a number.
+    """String for which a number stands.
 
     :raises SimulationError: if the number is from another process.
     """

@@ -26,7 +26,7 @@ from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.stepping import save_state, state_calls
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import rounding
+from liaisons.cosim.structure.sources import time_rounding
 from liaisons.errors import RefusedError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
@@ -109,7 +109,7 @@ class CommunicationSteps:
         """
         while True:
             stop, tiny = end, self.breaks.tiny_step(now, size)
-            if self.breaks.next <= end + rounding(end):
+            if self.breaks.next <= end + time_rounding(end):
                 stop = self.breaks.next - tiny
                 if stop - now <= tiny:
                     return None
@@ -120,7 +120,7 @@ class CommunicationSteps:
     def cross_next_break(self, now: float, end: float) -> Point:
         """Advance across the next break; returns the point, which is in the result only if the break is at the end."""
         stop = self.breaks.next
-        result_time = end if stop >= end - rounding(end) else None
+        result_time = end if stop >= end - time_rounding(end) else None
         stop = stop if result_time is None else max(stop, end)
         return Point(stop, self.step_across(now, stop).copy(), result_time, after_break=True)
 

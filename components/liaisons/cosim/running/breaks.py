@@ -26,7 +26,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import Drive, rounding
+from liaisons.cosim.structure.sources import Drive, time_rounding
 from liaisons.errors import SimulationError
 
 _NEVER = 1e300
@@ -67,9 +67,9 @@ class Breaks:
         events = {
             name: event
             for name, part in parts.items()
-            if self.divides and name in sources and (event := part.fmu.next_event_time)
+            if self.divides and name in sources and (event := part.fmu.next_event_variable)
         }
-        self.are_samples = not simulation.drives and all(parts[name].fmu.is_sampled for name in events)
+        self.are_samples = not simulation.drives and all(parts[name].fmu.has_sampled_outputs for name in events)
         self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)
         self._bus = bus
         self._announced = np.zeros(len(events))
@@ -87,7 +87,7 @@ class Breaks:
 
     def tiny_step(self, time: float, size: float) -> float:
         """Size of the tiny step to a break at a time, beside steps of some size [s]."""
-        return max(_SHORT * size, 10 * rounding(time), self._nearest)
+        return max(_SHORT * size, 10 * time_rounding(time), self._nearest)
 
     def find_next(self, time: float) -> None:
         """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
@@ -97,7 +97,7 @@ class Breaks:
         instants: list[float] = self._announced.tolist()
         if self.divides:
             instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
-        self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)
+        self.next = min((t for t in instants if time + time_rounding(time) < t < _NEVER), default=math.inf)
 
 
 class _Comparison(NamedTuple):
@@ -196,7 +196,7 @@ class Deviations:
         off, begin, end = _deviations(drive, times)
         sizes = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
         sizes = np.maximum.accumulate(sizes)
-        right = drive.sample(times[1:] + drive.rounding(times[1:])) * steps ** np.arange(len(drive.inputs))
+        right = drive.sample(times[1:] + drive.break_margin(times[1:])) * steps ** np.arange(len(drive.inputs))
         allowed = self._tolerance * np.where(sizes > 0, sizes, 1.0)
         return _Comparison(off, sizes, np.abs(off).max(axis=1) > allowed, np.abs(right - end).max(axis=1) > allowed)
 
@@ -208,7 +208,7 @@ class Deviations:
             instant = _bisect_break(drive, start, end, float(np.abs(compared.off).max()), nothing)
         if instant is None and compared.jumps[0]:
             instant = end
-        return math.inf if instant is None or instant <= start + rounding(start) else instant
+        return math.inf if instant is None or instant <= start + time_rounding(start) else instant
 
 
 def _deviation_integrals(off: Vector, size: ArrayLike) -> Vector:

@@ -197,7 +197,7 @@ def connections_without_impulses(
     """
     connections: dict[VariableReference, Connection] = {}
     for connection in simulation.connections:
-        if not connection.back or connection.source.place in solved:
+        if not connection.is_reaction or connection.source.reference in solved:
             continue
         moved, mover = connection.source.part, connection.target.part
         if (impulse := impulse_name(connection.source.name)) in moved.fmu.variables:
@@ -214,14 +214,14 @@ def connections_that_stop_impulses(
     :param solved: forces that are connected together with their impulses.
     :param received: sums of impulses that an FMU receives -> load beside.
     """
-    unsolved = [c for c in simulation.connections if c.back and c.source.place not in solved]
+    unsolved = [c for c in simulation.connections if c.is_reaction and c.source.reference not in solved]
     jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
     for _ in unsolved:
         movers = {c.source.part.name: jumping.get(c.target.part.name) for c in unsolved}
         jumping = {**{name: place for name, place in movers.items() if place}, **jumping}
     connections: dict[VariableReference, Connection] = {}
     for connection in unsolved:
-        (moved, force), terminal = connection.source.place, connection.source.terminal
+        (moved, force), terminal = connection.source.reference, connection.source.terminal
         causes = [(place, load) for place, load in received.items() if place[0] == moved]
         if (place := jumping.get(connection.target.part.name)) and terminal is not None and terminal.motion:
             causes.append((place, terminal.motion[2]))
@@ -241,7 +241,7 @@ def missing_impulses(
     """
     missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
-        sums, force = columns[variable], columns[connection.source.place]
+        sums, force = columns[variable], columns[connection.source.reference]
         least = LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
             missing.append(MissingImpulses(connection, variable, sums, points))

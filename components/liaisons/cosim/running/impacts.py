@@ -84,7 +84,7 @@ def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in simulation.parts.values())
     if not (free and simulation.iterates):
         return []
-    by_target = {connection.target.place: connection for connection in simulation.connections}
+    by_target = {connection.target.reference: connection for connection in simulation.connections}
     ports: list[ImpulsivePort] = []
     for connection in simulation.impulses:
         parts = connection.source.part, connection.target.part
@@ -95,7 +95,7 @@ def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
             continue
         (_, moved, _), (_, moving, _) = motions
         rate, jump = by_target.get((parts[0].name, moved)), jump_name(moved)
-        if rate is None or rate.source.place != (parts[1].name, moving) or jump not in parts[0].fmu.variables:
+        if rate is None or rate.source.reference != (parts[1].name, moving) or jump not in parts[0].fmu.variables:
             continue
         factors = rate.conversion.factor, connection.conversion.factor
         ports.append(ImpulsivePort(connection, rate, (parts[0].name, jump), factors))
@@ -123,13 +123,13 @@ class _Node:
         moved = [j for j, port in enumerate(ports) if port.moved == name]
         moving = [j for j, port in enumerate(ports) if port.mover == name]
         places = [
-            *(ports[j].rate.target.place for j in moved),
+            *(ports[j].rate.target.reference for j in moved),
             *(ports[j].jump for j in moved),
-            *(ports[j].impulse.target.place for j in moving),
+            *(ports[j].impulse.target.reference for j in moving),
         ]
         outputs = [
-            *(ports[j].impulse.source.place for j in moved),
-            *(ports[j].rate.source.place for j in moving),
+            *(ports[j].impulse.source.reference for j in moved),
+            *(ports[j].rate.source.reference for j in moving),
         ]
         self.increments = as_indices([*moved, *moved, *(count + j for j in moving)])
         self.results = as_indices([*(count + j for j in moved), *moving])
@@ -196,9 +196,9 @@ class Impacts:
         self._nodes = [_Node(part, ports, instances[part.name], bus) for part in parts]
         self._count = len(ports)
         self.memory = Memory(array for node in self._nodes for array in (node.sums, node.handed))
-        received = {port.impulse.target.place: port.impulse.target.force or "" for port in ports}
+        received = {port.impulse.target.reference: port.impulse.target.force or "" for port in ports}
         ends = connections_that_stop_impulses(simulation, forces_through(ports), received)
-        self._ends = [ends.get(port.impulse.target.place) for port in ports]
+        self._ends = [ends.get(port.impulse.target.reference) for port in ports]
         contacts = [contact for part in parts for contact in contact_variables(part)]
         self._gaps, self._rates, self._closed = (bus.columns(c[k] for c in contacts) for k in range(3))
         sums = impulse_sums(simulation, ports)
@@ -370,7 +370,7 @@ class Impacts:
 
 def impulse_sums(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
     """Sum of impulses of each connection and contact that take part in impacts -> force that acts alike."""
-    sums = {port.impulse.source.place: (port.moved, port.impulse.source.force or "") for port in ports}
+    sums = {port.impulse.source.reference: (port.moved, port.impulse.source.force or "") for port in ports}
     for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
         sums |= contact_impulses(simulation.parts[name])
     return sums

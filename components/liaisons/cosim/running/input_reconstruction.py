@@ -37,7 +37,7 @@ def prepare_initial_gains(simulation: Simulation, instances: Instances, bus: Bus
             if rows:
                 column = bus.add_gains(rows, input_)
                 unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
-                calls.append(instances[name].directional(unknowns, known, np.ones(1), column))
+                calls.append(instances[name].directional_derivatives(unknowns, known, np.ones(1), column))
     return calls
 
 
@@ -70,9 +70,9 @@ def input_reconstructions(
         part = parts[target[0]]
         owner, variable = target if source[0] == SIGNALS else source
         signal = parts[owner].fmu.variables[variable]
-        is_rate = Port(part, target[1]).curve()[1] > 0
+        is_rate = Port(part, target[1]).motion_and_order()[1] > 0
         moves_nothing = is_rate and target not in effects and part.fmu.provides_directional_derivatives
-        if signal.type != "Real" or moves_nothing or part.approximation.samples or part.fmu.is_sampled:
+        if signal.type != "Real" or moves_nothing or part.approximation.holds_by_choice or part.fmu.has_sampled_outputs:
             continue
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
@@ -123,9 +123,9 @@ class _PolynomialTable:
         """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
         approximation = part.approximation
-        if target[0] in simulation.prescribed or not (simulation.iterates or approximation.interpolates):
+        if target[0] in simulation.chosen_reconstructions or not (simulation.iterates or approximation.interpolates):
             return self._explicit_polynomial(target, own)
-        if approximation.interpolates and Port(part, target[1]).curve()[0] is None:
+        if approximation.interpolates and Port(part, target[1]).motion_and_order()[0] is None:
             return "hermite", [own], 0
         if approximation.interface == "mean value":
             return "mean", [own], 0
@@ -141,10 +141,10 @@ class _PolynomialTable:
 
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
         part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
-        method, (triple, order) = part.approximation.method, Port(part, target[1]).curve()
+        method, (triple, order) = part.approximation.method, Port(part, target[1]).motion_and_order()
         if method is None and target not in self.late_inputs:
             return "newest", [own], 0
-        port = [self.bus.index[feeds[end.place]] for end in triple or () if end.place in feeds]
+        port = [self.bus.index[feeds[end.reference]] for end in triple or () if end.reference in feeds]
         return ("taylor", port, order) if method == 1 and len(port) == 3 else ("taylor", [own], 0)
 
     def _polynomial_without_port(
@@ -167,14 +167,14 @@ def _effect_columns(parts: Components, bus: Bus) -> dict[VariableReference, list
     for (output, input_), column in bus.gain_columns.items():
         ports = _rate_and_value(parts[output[0]], output[1])
         if ports is not None:
-            rate, value = (bus.index.get(port.place, -1) for port in ports)
+            rate, value = (bus.index.get(port.reference, -1) for port in ports)
             effects.setdefault(input_, []).append((column, rate, value))
     return effects
 
 
 def _rate_and_value(part: SystemComponent, acceleration: str) -> tuple[Port, Port] | None:
     """Rate and value of the port of an acceleration; None for a variable that is no output acceleration."""
-    triple, order = Port(part, acceleration).curve()
+    triple, order = Port(part, acceleration).motion_and_order()
     if triple is None or order != 2 or part.fmu.variables[acceleration].causality != "output":
         return None
     return triple[1], triple[0]

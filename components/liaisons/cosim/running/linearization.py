@@ -102,7 +102,7 @@ class _Equations:
             words = "it provides no directional derivatives; linearize() takes differences of FMUs for Model Exchange"
             raise SimulationError(f"{part.name} ({fmu.path.name}) cannot be linearized: {words}")
         seed, values = np.zeros(len(knowns)), np.empty(len(calculated))
-        derive = instance.directional([unknowns[i] for i in calculated], knowns, seed, values)
+        derive = instance.directional_derivatives([unknowns[i] for i in calculated], knowns, seed, values)
         for k in range(len(knowns)):
             seed[:] = np.arange(len(knowns)) == k
             derive.perform(when)
@@ -128,7 +128,7 @@ def linearization(
     :raises SimulationError: for an FMU that provides no directional derivatives, or refuses one.
     """
     feeds, parts = simulation.feeds, simulation.parts
-    moving = {name: part for name, part in parts.items() if not part.fmu.is_sampled}
+    moving = {name: part for name, part in parts.items() if not part.fmu.has_sampled_outputs}
     names = {place: name for name, place in simulation.recorded.items()}
 
     def label(place: VariableReference) -> str:

@@ -46,8 +46,8 @@ class Loop:
         self._calls, self._bus = calls, bus
         self._addresses = self.times.ctypes.data, self.rows.ctypes.data  # looked up once, since that takes 1 µs
         self._compiled: Callable[..., int] | None = None
-        if (library := compiled.steps()) is not None:
-            records = [call.compiled() for call in calls]
+        if (library := compiled.step_library()) is not None:
+            records = [call.compiled_record() for call in calls]
             self._refusal = (c_ssize_t * 2)()
             library.advance.restype = c_size_t
             program = (CallRecord * len(records))(*records), c_size_t(len(records))

@@ -33,7 +33,7 @@ from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls, communication_calls
 from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.coupling.signals import connected_port_outputs, unit_numbers
-from liaisons.cosim.instances import Instance, extracted, make
+from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
@@ -60,8 +60,8 @@ from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation, owned, with_start_values
-from liaisons.cosim.structure.sources import SIGNALS, rounding
+from liaisons.cosim.structure.simulation import Simulation, variable_reference, with_start_values
+from liaisons.cosim.structure.sources import SIGNALS, time_rounding
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
 
@@ -107,19 +107,18 @@ class Run:
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in parts.values())
         with ExitStack() as stack, _pause_garbage_collection():
             if folders is None:
-                folders = extracted((part.fmu for part in parts.values()), stack.enter_context(temporary_folder()))
+                folders = extract_fmus((part.fmu for part in parts.values()), stack.enter_context(temporary_folder()))
             for name, part in parts.items():
                 folder = folders.get(part.fmu.path, Path())
                 if not part.isolated and part.fmu.function is None:
                     try_to_start(part, folder, times)
-                instance = make(
+                instance = make_instance(
                     name,
                     part.fmu,
                     folder,
                     requests_intermediate_update=simulation.iterates
                     and part.approximation.interface == "intermediate update",
                     isolated=part.isolated,
-                    stiff=part.solver is not None,
                 )
                 self._instances[name] = stack.enter_context(instance)
             also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
@@ -160,7 +159,7 @@ class Run:
                 self._deviations,
                 self._estimate,
             )
-            reads_samples = any(parts[name].approximation.samples for name in fed)
+            reads_samples = any(parts[name].approximation.holds_by_choice for name in fed)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
             self._are_samples = self._breaks.are_samples and not (
                 self._estimate.can_estimate
@@ -218,8 +217,6 @@ class Run:
         begin, end = simulation.times[0], simulation.times[-1]
         self._loop.truncate(0)
         self._errors: list[float] = []  # of steps between communication points
-        for instance in self._instances.values():
-            instance.reset()
         bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
         self._deviations.memory.reset()
@@ -271,7 +268,7 @@ class Run:
         while done < stop:
             begin, time = perf_counter(), loop.end
             size = points[done] - points[done - 1]
-            near = rounding(breaks.next) if breaks.next < np.inf else 0.0
+            near = time_rounding(breaks.next) if breaks.next < np.inf else 0.0
             last = min(done + many, stop)
             free = bisect_left(points, breaks.next - near, done, min(last + 1, len(points)))
             if done < free:  # points before the next break
@@ -385,7 +382,9 @@ class Run:
         """Component and variable of a name in the result or in the system."""
         simulation = self._simulation
         title, parts = simulation.title, simulation.parts
-        return simulation.recorded.get(name) or owned(title, parts, "variable", name, single=simulation.single)
+        return simulation.recorded.get(name) or variable_reference(
+            title, parts, "variable", name, single=simulation.single
+        )
 
     def _free_input(self, name: str) -> FreeInput:
         if name not in self._free_inputs:
@@ -411,7 +410,7 @@ class Run:
         """Prepare the reading of a variable."""
         owner, variable = self._reference(name)
         part, column = self._simulation.parts[owner], self._bus.index.get((owner, variable))
-        scalars, shape = [part.scalar(n) for n in part.recordable(variable)], part.fmu.arrays.get(variable)
+        scalars, shape = [part.scalar(n) for n in part.recordable_names(variable)], part.fmu.arrays.get(variable)
         if column is None:
             values = np.empty(len(scalars))
             calls = [self._instances[owner].getter(scalars, values)]
@@ -658,8 +657,8 @@ class Run:
             values,
             simulation.units,
             texts={names[row]: words for row in strings},
-            jumping=simulation.jumping,
-            ports=simulation.ports,
+            jumping=simulation.discrete_signals,
+            ports=simulation.renamed_ports,
             coupling_error=self._error,
             scene=simulation.scene,
             warnings=simulation.warnings,

@@ -14,7 +14,7 @@ from liaisons.base.arguments import float_array, shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.instances.protocol import Instance, Instances
 from liaisons.cosim.structure.components import SystemComponent
@@ -32,7 +32,7 @@ class FreeInput:
     """
 
     def __init__(self, part: SystemComponent, name: str, instance: Instance, feeds: Feeds) -> None:
-        scalars = [part.scalar(element) for element in part.recordable(name)]
+        scalars = [part.scalar(element) for element in part.recordable_names(name)]
         self._label, self._variable, self._shape = f"{part.name}.{name}", scalars[0], part.fmu.arrays.get(name, ())
         if self._variable.causality != "input" or self._variable.type not in NUMBERS:
             words = f"is {self._variable.type} of causality {self._variable.causality!r}"
@@ -55,7 +55,7 @@ class FreeInput:
         if not np.isfinite(checked).all():
             raise InvalidValueError(f"{self._label} = {shown(value)}: must be finite")
         if self._variable.type != "Real":
-            least, most = RANGES.get(self._variable.base, (0, 1))
+            least, most = integer_range(self._variable.base)
             if not (checked == np.clip(np.round(checked), least, most)).all():
                 raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
         return checked.ravel() if self._shape else checked.item()

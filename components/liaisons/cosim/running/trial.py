@@ -19,7 +19,7 @@ from weakref import WeakSet
 from liaisons.base import cache
 from liaisons.base.processes import TIME_LIMIT, die_with_parent
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances import Instance, isolated, make
+from liaisons.cosim.instances import Instance, isolated, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import ProcessEndedError, SimulationError
 
@@ -87,7 +87,7 @@ def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) 
         nothing = os.open(os.devnull, os.O_WRONLY)
         for stream in (1, 2):
             os.dup2(nothing, stream)
-        return make(part.name, part.fmu, directory)
+        return make_instance(part.name, part.fmu, directory)
 
     isolate = partial(isolated.Isolated, part.name, part.fmu, make_silently, TIME_LIMIT)
     stage, stages = "", _stages(isolate, part, begin, size)
@@ -123,7 +123,7 @@ def _print_stages() -> None:
     parent, part, directory, begin, size = pickle.load(sys.stdin.buffer)
     die_with_parent(parent)
     try:
-        for stage in _stages(partial(make, part.name, part.fmu, directory), part, begin, size):
+        for stage in _stages(partial(make_instance, part.name, part.fmu, directory), part, begin, size):
             os.write(1, f"\nSTAGE {stage}\n".encode())
     except SimulationError:
         os.write(1, b"\nSTAGE refused\n")

@@ -17,7 +17,7 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Components, Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.errors import SimulationError
 
@@ -28,10 +28,10 @@ ITERATING = {"implicit", "waveform"}
 @final
 @dataclass(frozen=True, eq=False)
 class ConnectionGraph:
-    """The components of a system as nodes, their connections as edges.
+    """Graph of a system: components are nodes, connections are edges.
 
     :param parts: components by name.
-    :param driven: inputs that functions of time drive.
+    :param driven: inputs that functions of time feed.
     """
 
     parts: Components
@@ -40,65 +40,62 @@ class ConnectionGraph:
 
     @cached_property
     def feeds(self) -> Feeds:
-        """Input -> the output that feeds it."""
-        return {connection.target.place: connection.source.place for connection in self.connections}
+        """Reference of each connected input -> reference of the output that feeds it."""
+        return feeds_of(self.connections)
 
     @cached_property
-    def groups(self) -> Sequence[Sequence[str]]:
-        """Strongly connected components, in execution order."""
-        return schedule.groups(self.parts, self.feeds)
+    def strong_components(self) -> Sequence[Sequence[str]]:
+        """Strong components, lists of names, in execution order."""
+        return schedule.strong_components(self.parts, self.feeds)
 
     @cached_property
     def cyclic(self) -> Collection[str]:
-        """Names of the components that feed each other, or themselves."""
+        """Names of the components in cycles of connections."""
         own = {target for (target, _), (source, _) in self.feeds.items() if target == source}
-        return {name for group in self.groups for name in group if len(group) > 1 or name in own}
+        return {name for group in self.strong_components for name in group if len(group) > 1 or name in own}
 
-    def late(self, coupling: Coupling) -> Collection[VariableReference]:
-        """Inputs whose value at the end of a step is not known when their component is stepped."""
-        return schedule.late_inputs([name for group in self.groups for name in group], self.feeds, coupling)
+    def late_inputs(self, coupling: Coupling) -> Collection[VariableReference]:
+        """Connected inputs whose value at the end of a step is unknown when their component is stepped."""
+        return schedule.late_inputs([name for group in self.strong_components for name in group], self.feeds, coupling)
 
     @cached_property
-    def loops(self) -> Sequence[str]:
-        """Algebraic loops, as text."""
+    def algebraic_loops(self) -> Sequence[str]:
+        """Algebraic loops as texts, ``"a.y -> b.u -> b.y -> a.u -> a.y"``."""
         loops = schedule.algebraic_loops(self.feeds, lambda o, i: self.parts[o[0]].fmu.depends(o[1], i[1]))
         return [" -> ".join(".".join(variable) for variable in loop) for loop in loops]
 
 
-def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
-    """Choose the coupling: the requested one; else implicit where it reduces the error, else Gauss-Seidel.
+def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupling:
+    """Coupling of a system: the requested one; else implicit if it reduces the error, else Gauss-Seidel.
 
-    It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
-    takes input derivatives.
+    Implicit coupling reduces the error if a cycle has a bidirectional port, or if there are no cycles and a continuous
+    signal feeds an FMU that takes input derivatives.
 
-    :raises SimulationError: if there is no such coupling, an FMU that would have to repeat steps cannot, or there is no
-        C compiler for a coupling that repeats steps.
+    :raises SimulationError: for an unknown coupling, and for one that repeats steps if an FMU in a cycle cannot, or if
+        there is no C compiler.
     """
-    if asked is not None:
-        check_choice("coupling", asked, get_args(Coupling))
+    if requested is not None:
+        check_choice("coupling", requested, get_args(Coupling))
     parts, connections = graph.parts, graph.connections
-    cycles = [group for group in graph.groups if len(group) > 1]
-    stuck = [name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state]
-    if asked in ITERATING:
-        if stuck:
-            raise SimulationError(
-                f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
-                "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
-            )
-        if compiled.steps() is None:
-            raise SimulationError(
-                f"coupling = {asked!r} is made by compiled code, and {no_compiler_message()}; or choose "
-                "coupling='gauss-seidel'"
-            )
-        return asked
-    two_ways = [connection for connection in connections if connection.back]
-    hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
-    hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if asked is None and (two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))):
-        if compiled.steps() is None:
+    cycles = [group for group in graph.strong_components if len(group) > 1]
+    two_ways = [connection for connection in connections if connection.is_reaction]
+    reduces_error = two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))
+    if requested in ITERATING or (requested is None and reduces_error):
+        stuck = (name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state)
+        hurdles = [
+            f"{name} ({parts[name].fmu.path.name}) cannot go back: canGetAndSetFMUstate is false" for name in stuck
+        ]
+        if requested is None:
+            hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
+        if compiled.step_library() is None:
             hurdles.append(no_compiler_message())
         if not hurdles:
-            return "implicit"
+            return requested or "implicit"
+        if requested is not None:
+            raise SimulationError(
+                f"coupling = {requested!r} repeats steps by compiled code, but {hurdles[0]}; or choose "
+                "coupling='gauss-seidel'"
+            )
         logger.warning(
             "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
             two_ways[0].source if two_ways else "a signal",
@@ -107,30 +104,30 @@ def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
         )
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
-    for loop in graph.loops:
+    for loop in graph.algebraic_loops:
         logger.log(
-            logging.WARNING if asked is None else logging.INFO,
+            logging.WARNING if requested is None else logging.INFO,
             "algebraic loop, which explicit coupling solves by one sweep a step (unstable where its gain exceeds 1; "
             "coupling='implicit' solves it): %s",
             loop,
         )
-    return asked or "gauss-seidel"
+    return requested or "gauss-seidel"
 
 
 def _reduces_error(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:
-    """Whether implicit coupling reduces the error of an FMU outside of cycles, and can carry all signals."""
+    """Whether implicit coupling reduces the error of a system without cycles, and can transfer all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
         return False
-    fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
+    fed = {connection.target.reference[0] for connection in connections if connection.source.variable.continuous}
     return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
 
 
 def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
-    """Check that the coupling can carry all signals: iterations carry reals without conversion.
+    """Check that the coupling can transfer all signals; iterations transfer reals without conversion.
 
-    :raises SimulationError: naming a connection that it cannot.
+    :raises SimulationError: for the first connection that it cannot transfer.
     """
     for connection in connections:
         apart = [end.part.name for end in (connection.source, connection.target) if end.part.isolated]
@@ -152,28 +149,28 @@ def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
 
 
 def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
-    """The components with the start values that the coupling needs.
+    """Components with the start values of ``input_reconstruction`` that the coupling needs.
 
-    In an iteration, FMUs of ours that take no derivatives of inputs interpolate their inputs.  In explicit coupling
-    those do whose inputs are all known at the end of a step, and continuous, unless start values say otherwise.
+    In an iteration, FMUs of liaisons that take no derivatives of inputs interpolate their inputs.  In explicit
+    coupling, FMUs do whose inputs are continuous and all known at the end of a step, unless start values say otherwise.
 
-    :raises SimulationError: if a start value keeps an FMU from interpolation that the coupling needs.
+    :raises SimulationError: if a start value forbids interpolation that the coupling needs.
     """
     parts, feeds, driven = graph.parts, graph.feeds, graph.driven
     if chosen not in ITERATING:
-        # What a source that samples gives jumps at each communication point.
+        # Outputs of an FMU that holds its inputs jump at each communication point.
         stepwise = {
             c.target.part.name
             for c in graph.connections
-            if c.source.part.approximation.samples or not c.source.variable.continuous
+            if c.source.part.approximation.holds_by_choice or not c.source.variable.continuous
         }
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
-        delayed = {name for name, _ in (*graph.late(chosen), *(driven if chosen == "jacobi" else ()))}
+        delayed = {name for name, _ in (*graph.late_inputs(chosen), *(driven if chosen == "jacobi" else ()))}
         connected = {*feeds, *driven}
         partial = {name for name, variable in connected if not _rates_are_fed(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
         return {
-            name: part.interpolating() if name in able and _may_interpolate(part) else part
+            name: part.interpolating_copy() if name in able and _extrapolates_by_default(part) else part
             for name, part in parts.items()
         }
     fed = {name for name, _ in feeds}
@@ -181,26 +178,28 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
     for name, part in parts.items():
         if name not in fed or part.approximation.method is None or part.approximation.interface != "mean value":
             continue
-        if part.approximation.is_prescribed and name not in graph.cyclic:
+        if part.approximation.is_chosen and name not in graph.cyclic:
             continue
         if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(
                 f"{name}: {INPUT_RECONSTRUCTION}={part.approximation.method} cannot be coupled by {chosen!r}: this FMU "
                 f"takes no derivatives of inputs; leave {INPUT_RECONSTRUCTION} out, or set 2"
             )
-        ready[name] = part.interpolating()
+        ready[name] = part.interpolating_copy()
     return ready
 
 
-def _may_interpolate(part: SystemComponent) -> bool:
-    """Whether it extrapolates its inputs by default, not by a start value, and uses them between samples."""
-    return not part.fmu.is_sampled and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
+def _extrapolates_by_default(part: SystemComponent) -> bool:
+    """Whether a component extrapolates its inputs by default, not by a start value, and is not sampled."""
+    return (
+        not part.fmu.has_sampled_outputs and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
+    )
 
 
 def _rates_are_fed(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
-    """Whether the rates of an input are fed, too, if it has any."""
-    triple, _ = Port(part, name).curve()
-    return all(port.place in fed for port in triple or ())
+    """Whether rate and acceleration of an input are among the fed inputs, too, if it has any."""
+    triple, _ = Port(part, name).motion_and_order()
+    return all(port.reference in fed for port in triple or ())
 
 
 def check_steps(
@@ -211,11 +210,11 @@ def check_steps(
     *,
     adaptive: bool,
 ) -> None:
-    """Check that all FMUs, prepared for the coupling, can take the steps.
+    """Check that all FMUs, prepared for the coupling, can make the communication steps.
 
-    :raises SimulationError: naming the one that cannot, and what it lacks.
+    :raises SimulationError: for the first FMU that cannot, with the capability that it lacks.
     """
-    for name, variable in graph.late(chosen):
+    for name, variable in graph.late_inputs(chosen):
         if parts[name].approximation.interpolates:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
@@ -223,10 +222,10 @@ def check_steps(
                 f"{'.'.join(graph.feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
             )
     if adaptive:
-        if chosen not in ITERATING and graph.loops:
+        if chosen not in ITERATING and graph.algebraic_loops:
             raise SimulationError(
                 f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep a step "
-                f"however short it is: choose coupling='implicit': {graph.loops[0]}"
+                f"however short it is: choose coupling='implicit': {graph.algebraic_loops[0]}"
             )
         for name, part in parts.items():
             needed = ("canGetAndSetFMUstate", part.fmu.can_get_and_set_state), (_VARIABLE_STEP, part.fmu.variable_step)
@@ -246,10 +245,10 @@ def check_steps(
             )
 
 
-def check_inputs(parts: Components, graph: ConnectionGraph) -> None:
-    """Check that every input that needs a source has one, and whole ports are connected.
+def check_input_sources(parts: Components, graph: ConnectionGraph) -> None:
+    """Check that each input has one source or a start value; warn of ports of which a part is connected.
 
-    :raises SimulationError: for an input without connection and without start value, or with two sources.
+    :raises SimulationError: for an input with neither, or with two sources.
     """
     feeds = graph.feeds
     for variable in graph.driven:
@@ -266,9 +265,9 @@ def check_inputs(parts: Components, graph: ConnectionGraph) -> None:
                     f"set {variable}=... where {name} is added"
                 )
     for name, variable in feeds:
-        triple, order = Port(parts[name], variable).curve()
+        triple, order = Port(parts[name], variable).motion_and_order()
         if triple and order == 0:
-            missing = [end for end in triple if end.place not in fed and end.name not in parts[name].starts]
+            missing = [end for end in triple if end.reference not in fed and end.name not in parts[name].starts]
             if missing and parts[name].approximation.method != 0:
                 logger.warning(
                     "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",

@@ -1,14 +1,14 @@
-"""The scalar connections between two ports: terminals whose members have equal names, arrays, or single variables.
+"""Scalar connections between two ports: terminals whose members have equal names, arrays, or single variables.
 
-A coordinate is one port with two causalities, and so is a component of a named point; as our FMUs call variables::
+A coordinate is one port with two causalities, and so is a component of a named point, in the names of our FMUs::
 
-    what moves                              what is moved
+    mover                                   moved
     q, q_dot, q_ddot         ------->       s, s_dot, s_ddot        outputs onto inputs
-    q_load                   <-------       s_force                 where both have it
+    q_load                   <-------       s_force                 if both have it
     q_impulse                <-------       s_impulse               likewise
 
-What moves is a free coordinate ``q``, a component ``P_x`` of a named point ``P``, or a signal ``y``, which has no
-load; what is moved is an active coordinate ``s``.
+The mover is a free coordinate ``q``, a component ``P_x`` of a named point ``P``, or a signal ``y``, which has no load;
+an active coordinate ``s`` is moved.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ from dataclasses import dataclass
 from typing import final
 
 from liaisons.base.unit_definitions import SAME, Conversion
-from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import RECORDED, Scalar
 from liaisons.cosim.structure.components import Port
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import ConnectError
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One scalar connection: an output feeds an input, which is factor * output + offset."""
+    """Scalar connection of an output with an input, which is factor * output + offset."""
 
     source: Port
     target: Port
     conversion: Conversion = SAME
 
     @property
-    def back(self) -> bool:
-        """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
+    def is_reaction(self) -> bool:
+        """Whether it feeds the force of a moved mechanism back to its mover, so that the port is bidirectional."""
         return all(port.force == port.name for port in (self.source, self.target))
 
     @property
-    def impulsive(self) -> bool:
-        """Whether it takes the impulses of a moved mechanism back to what moves it."""
+    def is_impulse(self) -> bool:
+        """Whether it feeds the impulses of a moved mechanism back to its mover."""
         ends = self.source, self.target
         return all(port.terminal is not None and port.terminal.impulse == port.name for port in ends)
 
@@ -51,29 +52,34 @@ class Connection:
         return f"{times}{self.source}{plus} -> {self.target}"
 
 
-def connect(first: Port, second: Port) -> list[Connection]:
-    """The scalar connections that join two ports; their order does not matter, causality decides.
+def feeds_of(connections: Iterable[Connection]) -> dict[VariableReference, VariableReference]:
+    """Reference of each input of some connections -> reference of its output."""
+    return {connection.target.reference: connection.source.reference for connection in connections}
 
-    Where both ends have units of one kind, values are converted.
+
+def scalar_connections(first: Port, second: Port) -> list[Connection]:
+    """Scalar connections between two ports, in either order; causality tells source and target.
+
+    Values are converted between units of one kind.
 
     :raises ConnectError: if they do not fit; the message names both.
     """
     both_exist = first.exists and second.exists
     if both_exist and (first.is_array or second.is_array):
-        return [connection for pair in _pair_elements(first, second) for connection in connect(*pair)]
+        return [connection for pair in _element_pairs(first, second) for connection in scalar_connections(*pair)]
     if both_exist and not (first.triple() and second.triple()):
-        return [connect_scalars(first, second)]
+        return [scalar_connection(first, second)]
     none = TerminalDescription("")
     return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
 
 
-def _order_ports(first: Port, second: Port) -> tuple[Port, Port]:
+def _source_and_target(first: Port, second: Port) -> tuple[Port, Port]:
     turned = (first.variable.causality, second.variable.causality) == ("input", "output")
     return (second, first) if turned else (first, second)
 
 
-def _pair_elements(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
-    """Scalars of two variables or arrays, in pairs."""
+def _element_pairs(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
+    """Pairs of the elements of two ports."""
     one, other = first.elements(), second.elements()
     if len(one) != len(other):
         raise ConnectError(
@@ -86,10 +92,10 @@ def _pair_elements(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
 def _terminal_connections(
     first: Port, one: TerminalDescription, second: Port, other: TerminalDescription
 ) -> list[Connection]:
-    """Members and nested terminals of equal names, joined; of flows into both sides, one is the other's opposite."""
+    """Connections of the members and nested terminals with equal names; flows change their sign."""
     if one.nested.keys() != other.nested.keys():
         raise ConnectError(
-            f"{first} has the port components {_join_names(one.nested)}, {second} has {_join_names(other.nested)}: "
+            f"{first} has the port components {_listed(one.nested)}, {second} has {_listed(other.nested)}: "
             "connect single components, for example 'bob_x' with 'pivot_x'"
         )
     if not (one.motion and other.motion) and one.kind and other.kind and one.kind != other.kind:
@@ -105,29 +111,33 @@ def _terminal_connections(
     complete = one.members.keys() == other.members.keys() or "bus" in {one.rule, other.rule}
     if not complete or not (members or joined):
         raise ConnectError(
-            f"{first} has the members {_join_names(one.members)}, {second} has {_join_names(other.members)}: "
+            f"{first} has the members {_listed(one.members)}, {second} has {_listed(other.members)}: "
             "connect single variables"
         )
     for name in members:
         member, counterpart = one.members[name], other.members[name]
         ends = Port(first.part, member.variable), Port(second.part, counterpart.variable)
-        for output, input_ in (_order_ports(*pair) for pair in _pair_elements(*ends)):
-            opposite = _unit_conversion(output, input_).then(Conversion(-1.0)) if member.opposes(counterpart) else None
-            joined.append(connect_scalars(output, input_, opposite))
+        for output, input_ in (_source_and_target(*pair) for pair in _element_pairs(*ends)):
+            opposite = (
+                _unit_conversion(output, input_).then(Conversion(-1.0))
+                if member.sums_to_zero_with(counterpart)
+                else None
+            )
+            joined.append(scalar_connection(output, input_, opposite))
     return joined
 
 
-def _join_names(names: Iterable[str]) -> str:
+def _listed(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def connect_scalars(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
-    """The connection of two scalars.
+def scalar_connection(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
+    """Connection of two scalars, in either order.
 
     :param conversion: from output to input; if None, that of their units.
     :raises ConnectError: if they do not fit; the message names both.
     """
-    source, target = _order_ports(first, second)
+    source, target = _source_and_target(first, second)
     causalities = source.variable.causality, target.variable.causality
     if causalities != ("output", "input"):
         hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
@@ -151,15 +161,16 @@ def connect_scalars(first: Port, second: Port, conversion: Conversion | None = N
 
 
 def _is_assignable(source: Scalar, target: Scalar) -> bool:
-    """Whether every value of the source is one of the target, and is handed over as such."""
+    """Whether each value of a source is a value of the target's type, too."""
     if {source.type, target.type} in ({"Integer"}, {"Integer", "Enumeration"}):
-        (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
+        (least, most), (lowest, highest) = integer_range(source.base), integer_range(target.base)
         return lowest <= least and most <= highest
     same = source.type == target.type and source.type in RECORDED
     return same or (source.type, target.type) == ("Integer", "Real")
 
 
 def _unit_conversion(source: Port, target: Port) -> Conversion:
+    """Conversion between the units of two ports, checked to be of one kind."""
     one, other = source.unit, target.unit
     if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
         return SAME

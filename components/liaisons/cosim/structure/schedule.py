@@ -1,4 +1,4 @@
-"""The order in which the FMUs of a system are set, stepped and read; a graph algorithm that calls no FMU.
+"""Order in which the FMUs of a system are set, stepped and read, from its graph alone.
 
 Values of inputs: at every communication point all outputs and inputs belong to the same instant t (inputs are
 refreshed, outputs that depend on them directly are read again), and that is what is recorded.  Over the step from t
@@ -29,13 +29,13 @@ from typing import Literal, TypeVar, final
 Coupling = Literal["gauss-seidel", "jacobi", "implicit", "waveform"]
 Action = Literal["set", "step", "get"]
 Operation = tuple[Action, str]
-"""Set all connected inputs of a component, step it, or read its outputs."""
+"""An operation on a component, by name: set all its connected inputs, step it, or get its outputs."""
 
 VariableReference = tuple[str, str]
 """A variable of a system: component and name."""
 
 Feeds = Mapping[VariableReference, VariableReference]
-"""Input -> the output that feeds it."""
+"""Reference of each connected input -> reference of the output that feeds it."""
 
 OutputInput = tuple[VariableReference, VariableReference]
 """An output and an input."""
@@ -46,19 +46,19 @@ Depends = Callable[[VariableReference, VariableReference], bool]
 _Vertex = TypeVar("_Vertex", bound=Hashable)
 
 
-def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
-    """Strongly connected components of the connection graph, in execution order; members as they were added.
+def strong_components(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
+    """Strong components of the connection graph, lists of names, in execution order.
 
-    Components that are not connected stay in the order of addition.  (Kosaraju's algorithm.)
+    Names in a strong component, and unconnected ones, keep their order.  (Kosaraju's algorithm.)
     """
     targets: dict[str, list[str]] = {name: [] for name in names}
     for target, source in dict.fromkeys((target, source) for (target, _), (source, _) in feeds.items()):
         targets[source].append(target)
-    return _strong(targets)
+    return _strong_components(targets)
 
 
-def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
-    """Strongly connected components of a graph in topological order, their vertices as they are listed."""
+def _strong_components(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
+    """Strongly connected components of a graph in topological order; each keeps the order of its vertices."""
     number = {node: k for k, node in enumerate(edges)}
     sources: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
     for node, targets in edges.items():
@@ -72,7 +72,7 @@ def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
 
 
 def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], seen: set[_Vertex]) -> list[_Vertex]:
-    """Vertices that can be reached from roots, in postorder; adds them to ``seen``."""
+    """Unseen vertices that are reachable from roots, in postorder; they are added to ``seen``."""
     finished: list[_Vertex] = []
     for root in roots:
         path = [] if root in seen else [(root, iter(edges[root]))]
@@ -90,9 +90,9 @@ def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]],
 
 
 def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReference]]:
-    """Cycles in which every output depends directly on the input before it; one of each strong component.
+    """Cycles in which each output depends directly on the input before it; one for each strong component.
 
-    :returns: of each, outputs and the inputs that they feed in turn, the first one again at the end.
+    :returns: lists of outputs and of the inputs that they feed, in turn; the first reference is repeated at the end.
     """
     inputs: dict[str, list[VariableReference]] = {}
     for input_ in feeds:
@@ -105,13 +105,13 @@ def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReferen
         for input_ in inputs.get(source[0], ()):
             if depends(source, input_):
                 edges[input_].append(source)
-    return [_shortest_cycle(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
+    return [_shortest_cycle(group[0], set(group), edges) for group in _strong_components(edges) if len(group) > 1]
 
 
 def _shortest_cycle(
     start: _Vertex, group: Collection[_Vertex], edges: Mapping[_Vertex, list[_Vertex]]
 ) -> list[_Vertex]:
-    """A shortest cycle through a vertex, by breadth-first search."""
+    """Shortest cycle through a vertex inside a group, by breadth-first search; its last vertex is the first."""
     before: dict[_Vertex, _Vertex] = {}
     front = [start]
     while start not in before:
@@ -125,12 +125,12 @@ def _shortest_cycle(
 
 
 def execution_order(names: Iterable[str], feeds: Feeds) -> list[str]:
-    """Components in execution order; in the order of addition within a cycle or without connections."""
-    return [name for group in groups(names, feeds) for name in group]
+    """Names of components in execution order; in a cycle, or without connections, they keep their order."""
+    return [name for group in strong_components(names, feeds) for name in group]
 
 
 def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> list[VariableReference]:
-    """Connected inputs whose value at the end of a step is not known when their component is stepped."""
+    """Connected inputs whose value at the end of a step is unknown when their component is stepped."""
     if coupling != "gauss-seidel":
         return list(feeds) if coupling == "jacobi" else []
     position = {name: k for k, name in enumerate(ordered)}
@@ -138,39 +138,39 @@ def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> lis
 
 
 def consistent_program(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
-    """Operations after which all outputs and inputs belong to one instant, in and after initialization."""
-    program = _Writer(ordered, feeds, depends)
+    """Operations after which all inputs and outputs belong to one instant, for initialization."""
+    program = _ProgramWriter(ordered, feeds, depends)
     for name in ordered:
-        program.get(name)
+        program.append_get(name)
     return program.finish()
 
 
 def step_program(
     ordered: Sequence[str], feeds: Feeds, depends: Depends, coupling: Coupling, newest: Collection[str]
 ) -> list[Operation]:
-    """One communication step, from consistent values at t to consistent values at t + H.
+    """Operations of a communication step, from consistent values at t to consistent values at t + H.
 
-    :param newest: components that get the newest values before a step, instead of those at t.
+    :param newest: components whose inputs are set to the newest values before they are stepped.
     """
-    program = _Writer(ordered, feeds, depends)
+    program = _ProgramWriter(ordered, feeds, depends)
     if coupling == "jacobi":
         for name in ordered:
-            program.step(name)
+            program.append_step(name)
         for name in ordered:
-            program.get(name)
+            program.append_get(name)
         return program.finish()
     for name in ordered:
         if name in newest:
-            program.set(name)
-        program.step(name)
-        program.get(name)
+            program.append_set(name)
+        program.append_step(name)
+        program.append_get(name)
         program.refresh()
     return program.finish()
 
 
 @final
-class _Writer:
-    """A sequence of operations, and the values that belong to the new instant after them."""
+class _ProgramWriter:
+    """A growing list of operations, and the variables that have their new values after them."""
 
     def __init__(self, ordered: Sequence[str], feeds: Feeds, depends: Depends) -> None:
         self._feeds = feeds
@@ -184,78 +184,75 @@ class _Writer:
             self._targets.setdefault(source, []).append(input_)
         self._operations: list[Operation] = []
         self._new: set[VariableReference] = set()
-        self._waiting: dict[str, set[VariableReference]] = {}  # inputs that are still old, of components that were read
+        self._old_inputs: dict[str, set[VariableReference]] = {}  # of components that were read
         self._position = {name: k for k, name in enumerate(ordered)}
-        self._ready: list[tuple[int, str]] = []  # components that may have all of these new, as a heap
-        self._partly: list[tuple[int, str]] = []  # components that may have some of these new
+        self._ready: list[tuple[bool, int, str]] = []  # heap of components that new outputs feed; True: in part
 
-    def set(self, name: str) -> None:
+    def append_set(self, name: str) -> None:
+        """Append an operation that sets the inputs of a component."""
         self._operations.append(("set", name))
         self._new.update(input_ for input_ in self._inputs[name] if self._feeds[input_] in self._new)
 
-    def step(self, name: str) -> None:
+    def append_step(self, name: str) -> None:
+        """Append an operation that steps a component."""
         self._operations.append(("step", name))
 
-    def get(self, name: str) -> None:
+    def append_get(self, name: str) -> None:
+        """Append an operation that reads the outputs of a component."""
         self._operations.append(("get", name))
         old = {input_ for input_ in self._inputs[name] if input_ not in self._new}
-        self._waiting.pop(name, None)
+        self._old_inputs.pop(name, None)
         if old:
-            self._waiting[name] = old
-            self._queue(name)
-        self._mark(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
+            self._old_inputs[name] = old
+            self._queue_component(name)
+        self._mark_new(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
 
-    def _mark(self, outputs: Iterable[VariableReference]) -> None:
-        """Mark outputs that belong to the new instant."""
+    def _mark_new(self, outputs: Iterable[VariableReference]) -> None:
+        """Mark outputs whose values are new, and queue the components that they feed."""
         fresh = [output for output in outputs if output not in self._new]
         self._new.update(fresh)
         fed = [input_ for output in fresh for input_ in self._targets[output]]
         for name in dict.fromkeys(name for name, _ in fed):
-            self._queue(name)
+            self._queue_component(name)
 
-    def _queue(self, name: str) -> None:
-        if count := self._count_new(name):
-            heappush(self._partly, (self._position[name], name))
-            if count == len(self._waiting[name]):
-                heappush(self._ready, (self._position[name], name))
+    def _queue_component(self, name: str) -> None:
+        """Add a component to the heap if old inputs of it can be set to new values."""
+        if count := self._count_settable(name):
+            heappush(self._ready, (count < len(self._old_inputs[name]), self._position[name], name))
 
-    def _count_new(self, name: str) -> int:
-        """Number of the inputs of a component that are still old, but fed by outputs that are new."""
-        return [self._feeds[input_] in self._new for input_ in self._waiting.get(name, ())].count(True)
+    def _count_settable(self, name: str) -> int:
+        """Number of old inputs of a component that new outputs feed."""
+        return [self._feeds[input_] in self._new for input_ in self._old_inputs.get(name, ())].count(True)
 
     def refresh(self) -> None:
-        """Set the inputs of components that were read too early and can have all inputs new."""
-        while self._ready:
-            _, name = heappop(self._ready)
-            if name in self._waiting and self._count_new(name) == len(self._waiting[name]):
+        """Append the operations that set and read components all of whose old inputs can be set to new values."""
+        while self._ready and not self._ready[0][0]:
+            *_, name = heappop(self._ready)
+            if (count := self._count_settable(name)) and count == len(self._old_inputs[name]):
                 self._set_and_get(name)
 
     def finish(self) -> list[Operation]:
-        """Refresh everything, cycles once, and drop readings that are not used."""
+        """Append operations until no input is old, with one sweep in a cycle; returns all that are needed."""
         self.refresh()
-        while self._waiting:
-            partly = self._next_partly()
-            if partly is not None:
-                self._set_and_get(partly)
+        while self._old_inputs:
+            if self._ready:
+                *_, name = heappop(self._ready)
+                if self._count_settable(name):
+                    self._set_and_get(name)
             else:  # an algebraic loop: start with old values
-                first = min(self._waiting, key=self._position.__getitem__)
-                self._mark([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
+                first = min(self._old_inputs, key=self._position.__getitem__)
+                self._mark_new(
+                    [self._feeds[input_] for input_ in self._inputs[first] if input_ in self._old_inputs[first]]
+                )
             self.refresh()
-        return self._without_unused()
-
-    def _next_partly(self) -> str | None:
-        while self._partly:
-            _, name = heappop(self._partly)
-            if self._count_new(name):
-                return name
-        return None
+        return self._needed_operations()
 
     def _set_and_get(self, name: str) -> None:
-        self.set(name)
-        self.get(name)
+        self.append_set(name)
+        self.append_get(name)
 
-    def _without_unused(self) -> list[Operation]:
-        """The operations without readings that are repeated before they are used."""
+    def _needed_operations(self) -> list[Operation]:
+        """The operations, without readings that are repeated before they are used."""
         useful: list[Operation] = []
         again: set[str] = set()
         for action, name in reversed(self._operations):

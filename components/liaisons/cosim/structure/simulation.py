@@ -1,4 +1,4 @@
-"""A simulation before it is run: what is simulated, when and how, checked before any FMU is touched."""
+"""Simulations before they run: systems with settings, checked before any FMU is loaded."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import Components, SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
@@ -39,9 +39,9 @@ from liaisons.errors import InvalidValueError, SimulationError, suggestion
 _DEFAULT_TOLERANCE = 1e-8
 """Tolerance of FMUs of liaisons, where neither the user nor a file gives another."""
 _POINTS = 500
-"""Number of steps in the simulation of an FMU of Model Exchange without a step size."""
+"""Number of steps of a simulation for which nothing gives a step size."""
 _ALIKE = 4
-"""Difference below which two instants are one, in units in the last place of the largest time."""
+"""Largest difference of two instants that are one, in units in the last place of the largest time."""
 _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 """Interface tolerance, relative to the tolerance of the solvers; and the smallest one that rounding allows."""
 
@@ -49,7 +49,7 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 @final
 @dataclass(frozen=True)
 class SimulationSettings:
-    """When and how a system is simulated; :meth:`liaisons.cosim.System.simulate` says what each is, and what None."""
+    """Settings of a simulation, which :meth:`liaisons.cosim.System.simulate` describes."""
 
     stop_time: float | None = None
     step_size: float | None = None
@@ -65,16 +65,16 @@ class SimulationSettings:
     progress: bool = False
     real_time: float | None = None
 
-    def of_run(self) -> dict[str, Any]:
-        """Those that are no property of the simulation itself, by name."""
+    def run_options(self) -> dict[str, Any]:
+        """Settings of how a simulation is run, by name; the others say what is simulated."""
         return {name: getattr(self, name) for name in ("verify", "progress", "real_time")}
 
-    def require_no_run(self) -> None:
-        """Refuse these.
+    def refuse_run_options(self) -> None:
+        """Raise an error if one of :meth:`run_options` is set.
 
-        :raises SimulationError: for one that is set.
+        :raises SimulationError: naming it.
         """
-        for name, value in self.of_run().items():
+        for name, value in self.run_options().items():
             if value:
                 raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
 
@@ -82,19 +82,19 @@ class SimulationSettings:
 @final
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What is simulated, and how; made by :func:`checked`.
+    """A system with complete settings; made by :func:`checked_simulation`.
 
-    :param parts: by name, in the order of addition, with the start values that the coupling needs.
+    :param parts: components by name, in the order of addition, with the start values that the coupling needs.
     :param recorded: name in the result -> variable.
     :param times: communication points [s]; with steps of adapted size the start, the end of the first step, the stop.
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
-    :param groups: strongly connected components of the connection graph, in execution order.
+    :param strong_components: those of the connection graph, in execution order.
     :param cyclic: components in cycles.
-    :param single: whether it is of one FMU, whose variables have no prefix.
-    :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
-    :param impulses: connections of sums of impulses, which jump at events alone.
-    :param warnings: what was warned of when it was checked.
+    :param single: whether variables have no prefix in the result: those of one FMU.
+    :param adapts: whether steps between the communication points are as short as the estimate of their error requires.
+    :param impulses: connections of sums of impulses, which jump at events only.
+    :param warnings: texts of the warnings that were logged when it was checked.
     """
 
     title: str
@@ -106,7 +106,7 @@ class Simulation:
     tolerance: float | None
     coupling: Coupling
     error_tolerance: float | None
-    groups: Sequence[Sequence[str]]
+    strong_components: Sequence[Sequence[str]]
     cyclic: Collection[str]
     single: bool = False
     adapts: bool = False
@@ -115,34 +115,34 @@ class Simulation:
 
     @cached_property
     def feeds(self) -> Feeds:
-        """Input -> the output, or function of time, that feeds it."""
-        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
-        return driven | {connection.target.place: connection.source.place for connection in self.connections}
+        """Reference of each fed input -> reference of the output or function of time that feeds it."""
+        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.references, strict=True)}
+        return driven | feeds_of(self.connections)
 
     @cached_property
-    def prescribed(self) -> Collection[str]:
-        """Components outside of cycles whose inputs hold or extrapolate, as the user has said."""
-        said = {name for name, part in self.parts.items() if part.approximation.is_prescribed}
+    def chosen_reconstructions(self) -> Collection[str]:
+        """Components outside of cycles for which the user has chosen that inputs hold or extrapolate."""
+        said = {name for name, part in self.parts.items() if part.approximation.is_chosen}
         return said.difference(self.cyclic)
 
     @cached_property
     def group_number(self) -> dict[str, int]:
-        """Number of the strong component of each FMU."""
-        return {name: k for k, group in enumerate(self.groups) for name in group}
+        """Index of the strong component of each component."""
+        return {name: k for k, group in enumerate(self.strong_components) for name in group}
 
     @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
-        """Input -> how it follows from the output that feeds it, where it is not the same."""
-        return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
+        """Reference of an input -> conversion of the output that feeds it, where values are converted."""
+        return {c.target.reference: c.conversion for c in self.connections if c.conversion != SAME}
 
     @cached_property
-    def jumping(self) -> frozenset[str]:
-        """Names in the result of discrete variables."""
+    def discrete_signals(self) -> frozenset[str]:
+        """Names in the result of recorded discrete variables."""
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
 
     @property
-    def ports(self) -> dict[str, PortNames]:
-        """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
+    def renamed_ports(self) -> dict[str, PortNames]:
+        """Name of a value in the result -> names of its port there, if :func:`port_names` does not give them."""
         ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
             for name, value in ((recorded, variable), (array_and_index(recorded)[0], array_and_index(variable)[0])):
@@ -153,44 +153,43 @@ class Simulation:
 
     @property
     def scene(self) -> FmuScene:
-        """The picture of the system."""
-        prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
+        """Picture of the system."""
         number = {name: i for i, name in enumerate(self.parts)}
         pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
-        parts = {prefix.get(name, f"{name}."): part for name, part in self.parts.items()}
+        parts = {"" if self.single and number[name] == 0 else f"{name}.": part for name, part in self.parts.items()}
         return FmuScene(parts, connected_groups(len(parts), pairs))
 
     @property
     def iterates(self) -> bool:
-        """Whether steps are repeated."""
+        """Whether the coupling repeats steps."""
         return self.coupling in checks.ITERATING
 
     @property
     def step_tolerance(self) -> float:
-        """Error that a step between communication points may add, relative to the size of signals."""
+        """Error that a step between communication points may have, relative to the size of signals."""
         return self.tolerance or _DEFAULT_TOLERANCE
 
     @property
     def interface_tolerance(self) -> float:
-        """Tolerance for inputs to agree with outputs in implicit coupling, relative to their size."""
+        """Largest difference of inputs and outputs at the end of an iteration, relative to their size."""
         return max(_INTERFACE * self.step_tolerance, _FINEST_INTERFACE)
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Name in the result -> unit; if the variable has none, that of what it is connected with."""
+        """Name in the result -> unit of the variable, else of a variable connected with it."""
         near: dict[VariableReference, str] = {}
         for c in self.connections:
             for port, other in ((c.source, c.target), (c.target, c.source)) if c.conversion == SAME else ():
-                near[port.place] = near.get(port.place) or other.variable.unit
+                near[port.reference] = near.get(port.reference) or other.variable.unit
         own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
         return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
 
     def depends(self, output: VariableReference, input_: VariableReference, *, initially: bool = False) -> bool:
-        """Whether an output depends directly on an input of the same part, while stepping or in initialization."""
+        """Whether an output depends directly on an input of its component, in steps or, ``initially``, before them."""
         return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
-def checked(
+def checked_simulation(
     title: str,
     parts: Components,
     connections: Sequence[Connection],
@@ -200,30 +199,33 @@ def checked(
     also: Iterable[str] = (),
     endless: bool = False,
 ) -> Simulation:
-    """A simulation whose settings are checked and complete.
+    """Simulation of a system, with checked and complete settings.
 
-    :param single: of one FMU, the first, whose variables have no prefix and whose default experiment counts; the
-        others are its operators.
-    :param also: names that are recorded besides.
-    :param endless: without a stop time it has no end.
+    :param single: whether the simulation is of the first FMU alone, whose variables have no prefix and whose default
+        experiment counts; the others are its operators.
+    :param also: further names that are recorded.
+    :param endless: whether a simulation without a stop time has no end.
     :raises SimulationError: for a bad setting.
     """
-    recorded = _recorded(title, parts, settings.record, also, single=single)
-    points = _points(title, parts, settings, len(recorded), single=single, endless=endless)
+    recorded = _recorded_variables(title, parts, settings.record, also, single=single)
+    points = _communication_points(title, parts, settings, len(recorded), single=single, endless=endless)
     tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
     functions = name_dictionary("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
-        {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
+        {
+            variable_reference(title, parts, "input", name, single=single): function
+            for name, function in functions.items()
+        },
         parts,
         points[0],
     )
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
-    impulses = [connection for connection in connections if connection.impulsive]
-    connections = [connection for connection in connections if not connection.impulsive]
+    impulses = [connection for connection in connections if connection.is_impulse]
+    connections = [connection for connection in connections if not connection.is_impulse]
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
         chosen = checks.choose_coupling(graph, settings.coupling)
@@ -231,7 +233,7 @@ def checked(
         parts = checks.prepare_components(graph, chosen)
         some = points[:2] if isinstance(points, EndlessTimes) else points
         checks.check_steps(parts, graph, some, chosen, adaptive=error_tolerance is not None)
-        checks.check_inputs(parts, graph)
+        checks.check_input_sources(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
     chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
     return Simulation(
@@ -244,7 +246,7 @@ def checked(
         tolerance,
         chosen,
         error_tolerance,
-        graph.groups,
+        graph.strong_components,
         graph.cyclic,
         single=single,
         adapts=chooses and free and chosen in checks.ITERATING and not impulses,
@@ -254,7 +256,7 @@ def checked(
 
 
 def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
-    """The default experiment of several FMUs: the start that all have in common, else 0, latest stop, shortest step."""
+    """Default experiment of several FMUs: start of all, or 0 if they differ; latest stop; shortest step size."""
     experiments = [fmu.experiment for fmu in fmus]
     starts = {experiment.start_time or 0.0 for experiment in experiments}
     stops = [stop for experiment in experiments if (stop := experiment.stop_time) is not None]
@@ -263,14 +265,14 @@ def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
     return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
 
 
-def _points(
+def _communication_points(
     title: str, parts: Components, settings: SimulationSettings, signals: int, *, single: bool, endless: bool
 ) -> Sequence[float]:
     """Communication points [s], from the settings, else from the default experiments.
 
     With steps of adapted size these are the start, the end of the first step, and the stop.
 
-    :param signals: how many are recorded at each.
+    :param signals: number of recorded signals.
     """
     adaptive = settings.error_tolerance is not None
     if settings.times is not None:
@@ -306,7 +308,7 @@ def _points(
 @final
 @dataclass(frozen=True)
 class EndlessTimes(Sequence[float]):
-    """t_i = start_time + i * step_size [s] without an end: the last one is infinite."""
+    """Infinite sequence of instants t_i = start_time + i * step_size [s]; the last one, [-1], is infinite."""
 
     start_time: float
     step_size: float
@@ -320,11 +322,11 @@ class EndlessTimes(Sequence[float]):
         return math.inf if index == -1 else self.start_time + index * self.step_size
 
 
-def owned(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
-    """Component and variable of a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
+def variable_reference(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
+    """Component and variable for a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
 
     :param label: kind of the name, for messages.
-    :raises SimulationError: if there is no such part; whether there is such a variable is not looked at.
+    :raises SimulationError: if there is no such component; the variable is not checked.
     """
     if single:
         return next(iter(parts)), name
@@ -337,19 +339,19 @@ def owned(title: str, parts: Components, label: str, name: str, *, single: bool)
 def with_start_values(
     title: str, parts: Components, start_values: Mapping[str, object], *, single: bool = False
 ) -> dict[str, SystemComponent]:
-    """The components with other start values.
+    """Components with some other start values.
 
-    :param start_values: by name, where they differ.
+    :param start_values: new start values by name.
     :raises SimulationError: for an unknown name, or a value that it cannot have.
     """
     own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in parts.items()}
     for name, value in name_dictionary(f"{title}: start_values", start_values).items():
-        owner, variable = owned(title, parts, "start value", name, single=single)
+        owner, variable = variable_reference(title, parts, "start value", name, single=single)
         own[owner][variable] = value
     return {name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts.items()}
 
 
-def _recorded(
+def _recorded_variables(
     title: str,
     parts: Components,
     record: str | Iterable[str] | None,
@@ -357,24 +359,26 @@ def _recorded(
     *,
     single: bool,
 ) -> dict[str, VariableReference]:
-    """Name in the result -> what is recorded under it; of an array, all its elements."""
+    """Name in the result -> recorded variable; an array is recorded element by element."""
     names = [] if record is None else name_list("record", record)
     all_of = () if record is not None else [next(iter(parts))] if single else parts
-    variables = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
+    variables = [
+        (name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].transferable_types)
+    ]
     for full in (*names, *also):
-        owner, name = owned(title, parts, "record", full, single=single)
-        variables += [(owner, scalar) for scalar in parts[owner].recordable(name)]
+        owner, name = variable_reference(title, parts, "record", full, single=single)
+        variables += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
     return {variable[1] if single else ".".join(variable): variable for variable in variables}
 
 
 def communication_points(
     start_time: float, stop_time: float | None, step_size: float | None, *, signals: int = 1
 ) -> list[float]:
-    """t_i = start_time + i * step_size, and stop_time [s].
+    """Communication points t_i = start_time + i * step_size, and stop_time [s].
 
-    A rest of less than a millionth of a step is taken for rounding and makes no step of its own.
+    The last step may be longer than the others by a millionth, as rounding.
 
-    :param signals: how many are recorded at each.
+    :param signals: number of recorded signals.
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if the recording is
         larger than the memory.
     """
@@ -385,6 +389,7 @@ def communication_points(
 
 
 def _checked_times(times: ArrayLike, settings: SimulationSettings) -> list[float]:
+    """Communication points that the user gives [s]; those that differ by rounding are one."""
     if settings.start_time or settings.stop_time is not None or settings.step_size is not None:
         raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = float_array("times", times)

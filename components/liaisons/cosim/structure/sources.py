@@ -12,18 +12,17 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import shown
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.structure.components import Components, Port
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
 
 SIGNALS = ""
-"""Name of the component that all functions of time belong to."""
+"""Name of the component to which references of functions of time belong."""
 
-_BOOLEAN = (0, 1)
-_KEPT = 4096
-"""Number of values in the cache of a function."""
+_CACHED = 4096
+"""Largest number of values in the cache of a function."""
 _ROUNDING = 1e-12
 """Relative tolerance of instants, as in FMUs of liaisons."""
 
@@ -34,7 +33,7 @@ Function = Callable[[float], float | Sequence[float]]
 @final
 @dataclass(frozen=True)
 class Signal:
-    """A function of time [s] with the instants at which its value or one of its rates jumps.
+    """Function of time [s] with the instants at which its value or one of its rates jumps.
 
     ``inputs={"length": Signal(lambda t: (1 + abs(t - 0.5), np.sign(t - 0.5), 0.0), breaks=[0.5])}``: a run has
     communication points there, and evaluates the function before and after each, not at it.
@@ -50,7 +49,7 @@ class Signal:
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise SimulationError(f"Signal: {shown(self.function)} is no function of time")
-        object.__setattr__(self, "breaks", tuple(_instants("Signal", self.breaks).tolist()))
+        object.__setattr__(self, "breaks", tuple(_break_instants("Signal", self.breaks).tolist()))
 
     def __call__(self, t: float) -> float | Sequence[float]:
         """The value of the function at t [s]."""
@@ -60,9 +59,9 @@ class Signal:
 @final
 @dataclass(frozen=True)
 class Drive:
-    """A function of time [s] that feeds one input of a component, or several with a number each.
+    """Function of time [s] that feeds one input of a component, or value, rate and acceleration of a port.
 
-    :param among: smallest and largest of the integers that are allowed; None: reals.
+    :param among: smallest and largest integer that it may return; None: it returns reals.
     :param breaks: instants [s] at which its values or their rates jump, ascending.
     """
 
@@ -71,19 +70,15 @@ class Drive:
     among: tuple[int, int] | None = None
     breaks: Vector = field(default_factory=lambda: np.empty(0), compare=False)
     _begins: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
-    _known: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
+    _cache: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
 
     @property
-    def places(self) -> list[VariableReference]:
-        """References of its values on the bus."""
+    def references(self) -> list[VariableReference]:
+        """References of the values of the function on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
-    def right(self, t: float) -> Vector:
-        """Limits of its values from the right of t, to rounding, shape (inputs,)."""
-        return self(t + float(self.rounding(t)))
-
     def sample(self, times: Vector) -> Vector:
-        """Its values at instants inside of steps, shape (*times, inputs).
+        """Values at instants inside of steps, shape (*times, inputs).
 
         :raises SimulationError: as a call does.
         """
@@ -96,49 +91,50 @@ class Drive:
             values = np.array([self(t) for t in instants])
         return values.reshape(*times.shape, -1)
 
-    def rounding(self, t: ArrayLike) -> Vector:
-        """Distance [s] from a break at t beyond which rounding cannot bring a function back to its other side."""
+    def break_margin(self, t: ArrayLike) -> Vector:
+        """Distance [s] from a break at t beyond which rounding does not reach the other side of the break."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
     def begin_piece(self, t: float) -> None:
-        """Start a smooth piece at t: from now on its values there are the limits from the right.
+        """Start a smooth piece at t, whose values there are the limits from the right.
 
-        Integers and truth values remain those at t itself, unless it has a break there.
+        Integers and truth values are those at t itself, unless the function has a break there.
         """
         self._begins.clear()
         value = self(t)
-        if self.among is None or np.any(np.abs(self.breaks - t) <= rounding(t)):
-            right = self.right(t)
+        if self.among is None or np.any(np.abs(self.breaks - t) <= time_rounding(t)):
+            right = self(t + float(self.break_margin(t)))
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def save(self) -> dict[float, Vector]:
-        """Inputs just after the start of the present piece, for :meth:`restore`."""
+        """Instant and values at the start of the present piece, for :meth:`restore`."""
         return dict(self._begins)
 
     def restore(self, saved: Mapping[float, Vector]) -> None:
-        """Return to the piece that :meth:`save` kept."""
+        """Return to the piece that was saved."""
         self._begins.clear()
         self._begins.update(saved)
 
     def next_break(self, time: float) -> float | None:
-        """First break of the function after an instant [s]; None if there is none."""
-        index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
+        """First break of the function after a time [s]; None if there is none."""
+        index = int(np.searchsorted(self.breaks, time + time_rounding(time), side="right"))
         return float(self.breaks[index]) if index < len(self.breaks) else None
 
     def __call__(self, t: float) -> Vector:
-        """Its values, shape (inputs,).
+        """Values at t [s], shape (inputs,).
 
         :raises SimulationError: if the function raises, or returns other than so many finite numbers or integers.
         """
         if t in self._begins:
             return self._begins[t]
-        if (values := self._known.get(t)) is None:
-            if len(self._known) >= _KEPT:
-                self._known.clear()
-            values = self._known[t] = self._evaluate(float(t))
+        if (values := self._cache.get(t)) is None:
+            if len(self._cache) >= _CACHED:
+                self._cache.clear()
+            values = self._cache[t] = self._evaluate(float(t))
         return values
 
     def _evaluate(self, t: float) -> Vector:
+        """Values of the function, checked."""
         name = self.inputs[0][1]
         values = evaluate(self.function, name, t)
         if values.size != len(self.inputs) or not np.isfinite(values).all():
@@ -150,18 +146,18 @@ class Drive:
             least, most = self.among
             raise SimulationError(
                 f"input {name!r}: its function returns {values.item():g} at t = {t:.10g} s, expected "
-                f"{'False or True' if self.among == _BOOLEAN else f'an integer from {least} to {most}'}"
+                f"{'False or True' if self.among == (0, 1) else f'an integer from {least} to {most}'}"
             )
         return values.reshape(-1)
 
 
-def rounding(time: float) -> float:
-    """Distance [s] within which two instants are the same."""
+def time_rounding(time: float) -> float:
+    """Distance [s] from a time within which an instant is the same."""
     return _ROUNDING * (1 + abs(time))
 
 
 def drives(functions: Mapping[VariableReference, Function], parts: Components, start_time: float) -> list[Drive]:
-    """The sources of inputs; a function that returns three numbers drives a whole port.
+    """Drives of inputs; a function that returns three numbers drives value, rate and acceleration of a port.
 
     :param functions: by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
     :raises SimulationError: for an unknown input or one that is driven twice, for what is no function, and for breaks
@@ -171,7 +167,7 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
     for (owner, driven_as), function in functions.items():
         part = parts[owner]
         port = Port(part, driven_as)
-        name = driven_as if port.exists else port.leading.name
+        name = driven_as if port.exists else port.value_port.name
         variable = part.scalar(name)
         if variable.causality != "input":
             words = f"{owner}.{name} is of causality {variable.causality!r}"
@@ -183,17 +179,19 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
             raise SimulationError(f"inputs: {words}; give a constant as start value")
         triple = part[name].triple()
         whole = triple is not None and evaluate(function, name, start_time).ndim > 0
-        inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
-        among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
-        sources.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
+        inputs = tuple(port.reference for port in triple) if triple and whole else ((owner, name),)
+        among = None if variable.type == "Real" else integer_range(variable.base)
+        sources.append(
+            Drive(function, inputs, among, _break_instants(f"inputs: {name}", getattr(function, "breaks", ())))
+        )
     for fed, count in Counter(input_ for drive in sources for input_ in drive.inputs).items():
         if count > 1:
             raise SimulationError(f"inputs: {'.'.join(fed)} is driven twice, by itself and by its port")
     return sources
 
 
-def _instants(label: str, breaks: object) -> Vector:
-    """Instants [s], sorted and unique.
+def _break_instants(label: str, breaks: object) -> Vector:
+    """Instants of breaks [s], sorted and unique.
 
     :raises SimulationError: unless they are a list of finite numbers.
     """
@@ -208,9 +206,9 @@ def _instants(label: str, breaks: object) -> Vector:
 
 
 def evaluate(function: Function, name: str, t: float) -> Vector:
-    """Value of a function of time, shape () or (n,).
+    """Value of a function of time at t [s], shape () or (n,).
 
-    :param name: of its input, for messages.
+    :param name: name of its input, for messages.
     :raises SimulationError: if the function raises, or returns no numbers.
     """
     try:
