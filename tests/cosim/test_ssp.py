@@ -313,7 +313,7 @@ def test_portable_archives_are_for_masters_that_step_all_at_once(component: FmuP
         assert again.parts["swing"].starts == starts
         assert again.name == ("_2_pumped_swings" if form == "portable" else "2 pumped swings")
         assert again.experiment == DefaultExperiment(0.0, 2.0, 0.3)
-    assert swing.approximation.interpolates  # the system is as it was
+    assert swing.approximation.takes_end_values  # the system is as it was
     assert b' stopTime="2.0"' in members(tmp_path / "portable.ssp")["SystemStructure.ssd"]
 
 

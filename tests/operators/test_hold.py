@@ -14,7 +14,13 @@ from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import lqr_gains, periodic_riccati, reachable_subspace, rest_offsets, riccati_recursion
+from liaisons.holding.feedback import (
+    discrete_lqr_gains,
+    periodic_riccati,
+    reachable_subspace,
+    rest_offsets,
+    riccati_recursion,
+)
 from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
@@ -43,7 +49,7 @@ def test_gains_of_the_oscillator_tend_to_the_closed_form() -> None:
     errors = []
     for h in (1e-3, 5e-4):
         step: Any = expm(np.array([[0, 1, 0], [-(omega**2), 0, 1], [0, 0, 0]]) * h)
-        gains = lqr_gains(step[:2, :2], step[:2, 2:], np.diag([h, 0]), np.array([[r * h]]))
+        gains = discrete_lqr_gains(step[:2, :2], step[:2, 2:], np.diag([h, 0]), np.array([[r * h]]))
         errors.append(np.max(np.abs(gains - [k_1, np.sqrt(2 * k_1)])))
     assert errors[0] < 2e-3  # of first order in h
     assert errors[1] == pytest.approx(errors[0] / 2, rel=1e-2)
@@ -72,7 +78,7 @@ def test_the_recursion_finds_the_least_sum() -> None:
         assert cost(off) > cost(0 * off)
     repeated = periodic_riccati(steps[:1], [Q], R)
     assert repeated is not None
-    np.testing.assert_allclose(repeated[0][0], lqr_gains(*steps[0], Q, R), rtol=1e-8)
+    np.testing.assert_allclose(repeated[0][0], discrete_lqr_gains(*steps[0], Q, R), rtol=1e-8)
 
 
 def test_the_staircase_ends_where_control_does() -> None:

@@ -125,7 +125,7 @@ def compare(first: Result, second: Result) -> Comparison:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")
     for name in names:
         _require_same_units_and_shapes(first, second, name)
-    times = _common_times(first, second)
+    times = _comparison_times(first, second)
     differences = []
     for name in names:
         (one, one_by), (other, other_by) = (_interpolated_values(result, name, times) for result in (first, second))
@@ -164,8 +164,8 @@ def _require_same_units_and_shapes(first: Result, second: Result, name: str) -> 
         raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
 
 
-def _common_times(first: Result, second: Result) -> Floats:
-    """Times [s] at which two results are compared: points of one that the other has, too, else the points of both."""
+def _comparison_times(first: Result, second: Result) -> Floats:
+    """Times [s] at which to compare two results: all points of one if the other has them, else the points of both."""
     begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     if begin > end:
         raise ValidityError(

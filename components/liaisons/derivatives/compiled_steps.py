@@ -13,7 +13,7 @@ from typing import Any, Literal, final
 import casadi as ca
 import numpy as np
 
-from liaisons.derivatives.contacts import Contacts, c_text
+from liaisons.derivatives.contacts import Contacts, packaged_c_file
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.kernel import (
     CArray,
@@ -325,7 +325,7 @@ def c_source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | No
         ]
     else:
         lines += [*weighted_sum_code(METHOD.adjoint_rows), _ADJOINT]
-    sweep = [c_text(f"contact_{purpose}")] if contacts else []
+    sweep = [packaged_c_file(f"contact_{purpose}")] if contacts else []
     return "\n".join([declarations_code(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1), *lines, *sweep])
 
 

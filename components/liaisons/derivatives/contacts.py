@@ -104,7 +104,9 @@ class Contacts:
             numbers=", ".join(f"{name}[{column.numel()}]" for name, column in columns.items()),
             columns=", ".join(f".{name} = now->{name}" for name in columns),
         )
-        return "\n".join([*runtime, numbers, self.entry_declarations(), *functions_code, c_text("contact_run")])
+        return "\n".join(
+            [*runtime, numbers, self.entry_declarations(), *functions_code, packaged_c_file("contact_run")]
+        )
 
     def failure(self, numbers: Floats) -> SimulationError:
         """Error for a motion that cannot go on.
@@ -190,6 +192,6 @@ def _runtime_text(name: str) -> str:
     return re.sub(r'^#include ".*"$', "", code, flags=re.MULTILINE)
 
 
-def c_text(name: str) -> str:
-    """C code of a file of this package."""
+def packaged_c_file(name: str) -> str:
+    """Text of a C file of this package, without its ending ``.c``."""
     return (resources.files("liaisons.derivatives") / f"{name}.c").read_text("utf-8")

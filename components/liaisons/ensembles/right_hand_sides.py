@@ -122,7 +122,7 @@ def continuous_model(
 def operator_models(
     model: Model, operators: Mapping[str, Target] | None, error: type[LiaisonsError] = InvalidValueError
 ) -> dict[str, Model]:
-    """Models of the operators that move active coordinates, by the names of these.
+    """Active coordinate -> model of the operator that moves it.
 
     :param operators: active coordinate -> operator by its name, file or class; None: none.
     :raises ComponentError: if one is no function of time, or what it is put onto is not active.

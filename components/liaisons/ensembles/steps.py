@@ -64,7 +64,7 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 
 
 def compiled_advance(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
-    """Function that advances all cases by steps of one size, in machine code.
+    """Compiled function that advances the states of all cases in place by steps of one size.
 
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.

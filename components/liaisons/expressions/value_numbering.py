@@ -132,7 +132,7 @@ class Builder:
         return self._two_term_sum(first, second) if products is None else self._sum_of_products(products)
 
     def _two_term_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """Return the sum of two nodes as one operation, with the scale of one in front."""
+        """Return the sum of two scaled nodes as one addition or subtraction, the scale of one of them factored out."""
         if abs(second[0]) == 1:  # a scale of one is put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
@@ -146,7 +146,7 @@ class Builder:
         return abs(scale), self._add_operation(ca.OP_SUB, plus, minus)
 
     def _sum_of_products(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
-        """Return the sum of scaled products."""
+        """Return the sum of scaled products, added in their order."""
         total = self.constant(0.0)
         for scale, product in products:
             inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))

@@ -339,7 +339,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 
 
 def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[str, object]:
-    """Return C values of members of the struct ``Model``, functions apart, by name; members left out are 0."""
+    """Return C values of the members of the struct ``Model`` except functions, by name; others are 0."""
     numbers = {
         "parameters": scalar_count(model.parameters),
         "inputs": scalar_count(model.inputs),

@@ -170,7 +170,7 @@ def _default_experiment(model: Model) -> Iterator[str]:
 
 
 def _size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
-    """Return the attributes of the variable of a structural size."""
+    """Return the attributes, except start, of the variable of a structural size."""
     return {
         "name": size.name,
         "valueReference": str(reference),

@@ -73,7 +73,7 @@ def rest_offsets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     return solution, np.linalg.norm(left @ solution - right, axis=0)
 
 
-def lqr_gains(A: Array, B: Array, Q: Array, R: Array) -> Array:
+def discrete_lqr_gains(A: Array, B: Array, Q: Array, R: Array) -> Array:
     """Gains K of u = -K x that minimise Σ xᵀQx + uᵀRu over all steps x' = A x + B u."""
     return _gains(A, B, solve_discrete_are(A, B, Q, R), R)
 

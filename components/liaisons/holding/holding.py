@@ -25,9 +25,9 @@ from liaisons.holding.feedback import (
     Array,
     Step,
     controllability_matrix,
+    discrete_lqr_gains,
     distributed_correction,
     image_basis,
-    lqr_gains,
     named_sum,
     periodic_riccati,
     reachable_subspace,
@@ -200,7 +200,7 @@ def _hold_at_rest(
     R = effort * np.eye(B.shape[1])
     K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
+        K = discrete_lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
     if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {step_size:g} s hardly reach all "

@@ -164,7 +164,7 @@ class ParameterEstimate:
     def minimum_with_finer_steps(self) -> Minimum:
         """Minimum of the objective at a tenth of the integration tolerance."""
         levels = [experiment.deviations for experiment in self.objective.experiments]
-        finer = replace(self.problem, tolerance=self.problem.tolerance / 10).objective(self.values, levels)
+        finer = replace(self.problem, tolerance=self.problem.tolerance / 10).build_objective(self.values, levels)
         return minimise(finer, self.values, self.fixed_indices)
 
     @property

@@ -200,8 +200,11 @@ class FittingProblem:
         """Number of measured values."""
         return sum(data.value_count for data in self.measurements)
 
-    def objective(self, unknowns: Floats, deviations: Sequence[Floats]) -> Objective:
-        """Objective of single shooting, with step sizes of the motions chosen at values of the unknowns."""
+    def build_objective(self, unknowns: Floats, deviations: Sequence[Floats]) -> Objective:
+        """Build the objective of single shooting; step sizes of its motions are chosen once, for these unknowns.
+
+        :param deviations: standard deviation of each measurement.
+        """
         experiments = (
             self._measured_motion(data, columns, unknowns, level)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)

@@ -45,7 +45,7 @@ def parameter_estimate(problem: FittingProblem, segments: int | None = None) -> 
     for count in (1, *affordable) if segments is None else (segments,):
         try:
             start = problem.start if count == 1 else _start_by_multiple_shooting(problem, levels, count)
-            objective = problem.objective(start, levels)
+            objective = problem.build_objective(start, levels)
             minimum = _minimum_with_undetermined_held(objective, start)[0]
         except LiaisonsError as error:
             failure = failure or error
@@ -102,7 +102,7 @@ def _estimate_with_residual_noise(
     rounds = 0
     while True:
         rounds += 1
-        objective = problem.objective(minimum.values, levels)
+        objective = problem.build_objective(minimum.values, levels)
         before, (minimum, held) = minimum, _minimum_with_undetermined_held(objective, minimum.values)
         estimate = _moved_to_bounds(ParameterEstimate(objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)

@@ -96,6 +96,7 @@ class Declaration(ABC, Generic[T]):
         return (self,) if extent is None else tuple(self._element(i) for i in range(extent.count))
 
     def _element(self, i: int) -> Self:
+        """Declaration of element i, from 0, whose name counts from 1."""
         item = object.__new__(type(self))
         vars(item).update(vars(self), name=element(self.name, i + 1), size="")
         return item

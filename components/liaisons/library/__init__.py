@@ -296,7 +296,7 @@ def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
 
 
 def _name_conflict(name: str, origin: str, folder: Path, owner: str) -> str:
-    """Return the message that the FMU of this name is that of another component, the owner."""
+    """Return the message that ``<name>.fmu`` is already the FMU of another component, its owner."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 

@@ -260,13 +260,16 @@ class _Joined:
             members = sorted(order[first:end])
             explicit = ca.substitute(h, self.v, ca.vertcat(*solved))[members]  # members are 0 in it
             is_loop = len(members) > 1 or pattern.has_nz(members[0], members[0])
-            values = self._loop_values(h, members, solved, explicit) if is_loop else explicit
+            values = self._solve_linear_loop(h, members, solved, explicit) if is_loop else explicit
             for i, value in zip(members, ca.vertsplit(values), strict=True):
                 solved[i] = value
         return ca.vertcat(*solved)
 
-    def _loop_values(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
-        """Solution v of the algebraic loop v = H v + explicit."""
+    def _solve_linear_loop(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
+        """Solution v of the linear algebraic loop v = H v + explicit.
+
+        :raises ComponentError: if the loop is not linear.
+        """
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
         if ca.depends_on(H, self.v):

@@ -28,7 +28,7 @@ Attributes = Mapping[str, object]
 def openmodelica_files(shown: Frames) -> tuple[bytes, bytes]:
     """Contents of both files: the description of the shapes, and the table of what moves."""
     root, columns = ElementTree.Element("visualization"), {"time": shown.time}
-    for i, (kind, body_type, attributes) in enumerate(_body_descriptions(shown), 1):
+    for i, (kind, body_type, attributes) in enumerate(_visual_bodies(shown), 1):
         body = ElementTree.SubElement(root, "shape")
         ElementTree.SubElement(body, "ident").text = f"{kind}{i}"
         ElementTree.SubElement(body, "type").text = body_type
@@ -52,8 +52,8 @@ def openmodelica_files(shown: Frames) -> tuple[bytes, bytes]:
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True), text.getvalue().encode()
 
 
-def _body_descriptions(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
-    """Yield kind, type in OMEdit, and attributes of each body."""
+def _visual_bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
+    """Yield kind, type in OMEdit, and attributes of each visible body; of a polyline those of each segment."""
     stage = Stage(shown)
     for shape in shown.shapes:
         points = shape.closed_points @ _UP.T

@@ -259,8 +259,8 @@ class _Junction:
     after: _Phase
 
     @cached_property
-    def impulses(self) -> ca.SX:
-        """Symbols of the impulses, divided by their sizes."""
+    def scaled_impulses(self) -> ca.SX:
+        """Symbols of the impulses, divided by their typical sizes."""
         return ca.SX.sym("impulses", len(self.before.contacts))
 
     @cached_property
@@ -292,7 +292,9 @@ class _Junction:
         X = stack(state.symbol for state in states)
         X0, push = ca.SX.sym("before", X.numel()), symbols.model.push
         assert push is not None
-        pushed = push(*symbols.model_arguments, self.impulses * ca.DM(self.sizes), ca.SX.zeros(len(self.before.gaps)))
+        pushed = push(
+            *symbols.model_arguments, self.scaled_impulses * ca.DM(self.sizes), ca.SX.zeros(len(self.before.gaps))
+        )
         columns = (ca.vertcat(pushed[0][:n], *symbols.motion[:2]), terms["gap"], terms["v"])
         started, gap, v = ca.substitute([ca.SX(column) for column in columns], [X], [X0])
         rows = [Row(state.name, state.symbol - started[i]) for i, state in enumerate(states)]
@@ -300,7 +302,7 @@ class _Junction:
             rows += self._gap_rows(i, gap[i], v[i])
         for i in range(len(self.before.gaps), len(self.sizes)):
             rows += self._friction_rows(i)
-        arguments = [X0, X, self.impulses, symbols.motion[2]]
+        arguments = [X0, X, self.scaled_impulses, symbols.motion[2]]
         function = ca.Function("junction", arguments, [ca.densify(stack(row.expression for row in rows))])
         low, high = (np.array([getattr(row, name) for row in rows]) for name in ("low", "high"))
         sizes = np.array([symbols.sizes.get(row.label, 1.0) for row in rows])
@@ -317,7 +319,7 @@ class _Junction:
                 yield Row(suffixed_name(name, "_dot"), v)
         if is_pushed:
             yield Row(suffixed_name(name, "_dot"), terms["v"][i] + (0 if stays else terms["restitution"][i] * v))
-        yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
+        yield Row("", self.scaled_impulses[i], 0.0, np.inf if is_pushed else 0.0)
         if self.before.gaps[i] and not stays:
             yield Row(suffixed_name(name, "_force"), -self.before.forces[i], 0.0, np.inf)
 
@@ -334,11 +336,13 @@ class _Junction:
             )
         rubs = normal >= 0 and later is not None and bool(self.impact_gaps)
         if rubs:
-            most = before.contact_terms["slide"][i] * self.impulses[normal] * (self.sizes[normal] / self.sizes[i])
+            most = (
+                before.contact_terms["slide"][i] * self.scaled_impulses[normal] * (self.sizes[normal] / self.sizes[i])
+            )
             signs, high = ((later,), 0.0) if later else ((1, -1), np.inf)
-            yield from (Row("", most + sign * self.impulses[i], 0.0, high) for sign in signs)
+            yield from (Row("", most + sign * self.scaled_impulses[i], 0.0, high) for sign in signs)
         else:
-            yield Row("", self.impulses[i])
+            yield Row("", self.scaled_impulses[i])
         slips = bool(later) and not rubs and earlier is not None and earlier != later
         if (slips and earlier) or (later == 0 and (earlier != 0 or self.impact_gaps)):
             yield Row(name, before.contact_terms["v"][i])

@@ -96,7 +96,7 @@ def write(
     units = units_of(parts.values())
     if form == "portable":
         _refuse_fmi3_arrays(path, parts.values(), connections)
-        _add_portable(whole, parts.values(), connections, units, files)
+        _add_portable_components(whole, parts.values(), connections, units, files)
     else:
         _add_full(whole, parts.values(), connections, units, files)
         files[_PAGE] = system_page(name, parts.values(), connections, experiment).encode()
@@ -165,15 +165,15 @@ def _renamed_port(port: Port, parts: Mapping[str, SystemComponent], names: Mappi
 
 def _with_extrapolated_inputs(part: SystemComponent) -> SystemComponent:
     """Component with inputs extrapolated, not interpolated, for masters that step all FMUs at once."""
-    if not part.approximation.interpolates:
+    if not part.approximation.takes_end_values:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
 
 
-def _add_portable(
+def _add_portable_components(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
-    """Add components, each with a parameter set of its own, and connections between them, to a system."""
+    """Add components and connections to a system, and FMUs and parameter sets of start values to the files."""
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no unconnected inputs, since some set them to 0.
     shown = [

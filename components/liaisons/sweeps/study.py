@@ -123,7 +123,7 @@ Outcomes: TypeAlias = dict[int, Outcome]
 
 
 def failure_of(error: Exception) -> Failure:
-    """Failure of a case that ended with an error; the model has refused it after Discard, Error or no convergence.
+    """Failure of a case from its error; ``refused`` after Discard, Error or no convergence of its FMUs.
 
     Fatal is no refusal: the FMU may have run out of memory.
     """

@@ -87,7 +87,7 @@ class SampledInstance(Instance):
         return SimulationError(f"{self.name}: {self._error}")
 
     def close(self) -> None:
-        pass
+        """Do nothing: a function holds no resources."""
 
     def _take_sample(self) -> int:
         """Take the sample that is due, or that of this instant again if inputs have changed; returns the status."""

@@ -84,8 +84,8 @@ class CommunicationSteps:
         self.bus.perform(self.calls)
         return Point(stop, self.bus.values.copy(), None)
 
-    def step_across(self, start: float, stop: float) -> Vector:
-        """Step across a break and find the next one; returns the values of the bus."""
+    def step_across_break(self, start: float, stop: float) -> Vector:
+        """Make one step across a break, and locate the next one; return the values of the signals after it."""
         bus, coupled = self.bus, self.coupled
         bus.set_step(start, stop)
         self.breaks.begin_piece(stop)
@@ -122,7 +122,7 @@ class CommunicationSteps:
         stop = self.breaks.next
         result_time = end if stop >= end - time_rounding(end) else None
         stop = stop if result_time is None else max(stop, end)
-        return Point(stop, self.step_across(now, stop).copy(), result_time, after_break=True)
+        return Point(stop, self.step_across_break(now, stop).copy(), result_time, after_break=True)
 
 
 def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:

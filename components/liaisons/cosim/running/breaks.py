@@ -148,7 +148,7 @@ class Deviations:
         :returns: shape (steps, columns), of the columns :attr:`span` of the bus; no steps if a function raises.
         """
         try:
-            compared = [self._compare(k, times) for k in range(len(self._drives))]
+            compared = [self._compare_drive(k, times) for k in range(len(self._drives))]
         except SimulationError:
             return np.empty((0, self._values.size))
         breaks = [(one.leaves | one.jumps) & (self._overrun[k] < _OFTEN) for k, one in enumerate(compared)]
@@ -172,7 +172,7 @@ class Deviations:
         if not locate:
             self._values[:] = [_deviation_integrals(_deviations(d, times)[0][0], end - start) for d in self._drives]
             return math.inf
-        compared = [self._compare(k, times) for k in range(len(self._drives))]
+        compared = [self._compare_drive(k, times) for k in range(len(self._drives))]
         self._values[:] = [_deviation_integrals(one.off[0], end - start) for one in compared]
         self._sizes[:] = [one.sizes[0] for one in compared]
         if start >= self._end:  # not a step that was cut
@@ -190,8 +190,8 @@ class Deviations:
         self._overrun += self._breaks >= _MOST
         self._breaks[:] = 0
 
-    def _compare(self, k: int, times: Vector) -> _Comparison:
-        """Compare a function with its polynomials in the steps between instants [s]."""
+    def _compare_drive(self, k: int, times: Vector) -> _Comparison:
+        """Deviations of the k-th function from its polynomial in each step between times [s]."""
         drive, steps = self._drives[k], np.diff(times)[:, None]
         off, begin, end = _deviations(drive, times)
         sizes = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
@@ -223,10 +223,10 @@ def _multiply_rows(rows: Vector, matrix: Vector) -> Vector:
     return (rows[..., None, :] @ matrix)[..., 0, :]
 
 
-def _bisect_break(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
-    """Instant of a break by bisection [s], in the half with the larger deviation; None if the function is smooth."""
+def _bisect_break(drive: Drive, start: float, end: float, deviation: float, negligible: float) -> float | None:
+    """Instant of a break by bisection [s] until a deviation is negligible; None if the function is smooth."""
     before = 0.0
-    while start < (middle := (start + end) / 2) < end and deviation > nothing:
+    while start < (middle := (start + end) / 2) < end and deviation > negligible:
         left, right = np.abs(_deviations(drive, np.array([start, middle, end]))[0]).max(axis=1).tolist()
         shrunk = max(left, right) < _SMOOTH * deviation
         if shrunk and deviation < _SMOOTH * before:

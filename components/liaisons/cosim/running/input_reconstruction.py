@@ -123,9 +123,11 @@ class _PolynomialTable:
         """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
         approximation = part.approximation
-        if target[0] in simulation.chosen_reconstructions or not (simulation.iterates or approximation.interpolates):
+        if target[0] in simulation.chosen_reconstructions or not (
+            simulation.iterates or approximation.takes_end_values
+        ):
             return self._explicit_polynomial(target, own)
-        if approximation.interpolates and Port(part, target[1]).motion_and_order()[0] is None:
+        if approximation.takes_end_values and Port(part, target[1]).motion_and_order()[0] is None:
             return "hermite", [own], 0
         if approximation.interface == "mean value":
             return "mean", [own], 0

@@ -164,7 +164,7 @@ class Run:
             self._are_samples = self._breaks.are_samples and not (
                 self._estimate.can_estimate
                 or self._coupled
-                or any(part.approximation.interpolates for part in parts.values())
+                or any(part.approximation.takes_end_values for part in parts.values())
             )
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
             memories = self._coupled, self._impacts and self._impacts.memory
@@ -290,7 +290,9 @@ class Run:
                 if points[done] - instant <= near:
                     instant, result_time = max(instant, points[done]), points[done]
                     done += 1
-                loop.add(instant, self._steps.step_across(time, instant), result_time=result_time, after_break=True)
+                loop.add(
+                    instant, self._steps.step_across_break(time, instant), result_time=result_time, after_break=True
+                )
             self._points = done
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
             if on_progress:
@@ -536,7 +538,7 @@ class Run:
         loop, bus, go_back = self._loop, self._bus, self._save_step()
         before = loop.rows[loop.done - 1]
         stop = min(now + self._breaks.tiny_step(now, size), end)
-        after = self._steps.step_across(now, stop) if stop > now else before
+        after = self._steps.step_across_break(now, stop) if stop > now else before
         if not impacts.has_impact(before, after, size):
             loop.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
             return stop == end
@@ -567,7 +569,7 @@ class Run:
             refusals.clear()
             try:
                 if stop - start < shortest:
-                    row = self._steps.step_across(start, stop)
+                    row = self._steps.step_across_break(start, stop)
                     loop.add(stop, row, result_time=stop if shown else None, after_break=True)
                     reached = 1
                 else:

@@ -61,7 +61,7 @@ class ConnectionGraph:
     @cached_property
     def algebraic_loops(self) -> Sequence[str]:
         """Algebraic loops as texts, ``"a.y -> b.u -> b.y -> a.u -> a.y"``."""
-        loops = schedule.algebraic_loops(self.feeds, lambda o, i: self.parts[o[0]].fmu.depends(o[1], i[1]))
+        loops = schedule.shortest_algebraic_loops(self.feeds, lambda o, i: self.parts[o[0]].fmu.depends(o[1], i[1]))
         return [" -> ".join(".".join(variable) for variable in loop) for loop in loops]
 
 
@@ -215,7 +215,7 @@ def check_steps(
     :raises SimulationError: for the first FMU that cannot, with the capability that it lacks.
     """
     for name, variable in graph.late_inputs(chosen):
-        if parts[name].approximation.interpolates:
+        if parts[name].approximation.takes_end_values:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
                 f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "

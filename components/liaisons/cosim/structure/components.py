@@ -47,8 +47,8 @@ class InputApproximation:
     takes_every_order: bool
 
     @property
-    def interpolates(self) -> bool:
-        """Whether the FMU interpolates to inputs at the end of a step, which are set before it."""
+    def takes_end_values(self) -> bool:
+        """Whether inputs that are set before a step are their values at its end, to which the FMU interpolates."""
         return self.interface == "end value"
 
     @property

@@ -89,8 +89,8 @@ def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]],
     return finished
 
 
-def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReference]]:
-    """Cycles in which each output depends directly on the input before it; one for each strong component.
+def shortest_algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReference]]:
+    """One shortest algebraic loop of each strong component: outputs that depend directly on each other.
 
     :returns: lists of outputs and of the inputs that they feed, in turn; the first reference is repeated at the end.
     """

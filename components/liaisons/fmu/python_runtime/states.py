@@ -39,9 +39,9 @@ def from_bytes(state: bytes) -> State:
 
 def is_usable(state: State, present: State) -> bool:
     """Whether a saved state has the members of an instance's present state, and is one of the same FMU."""
-    return _types(state) == _types(present) and state["guid"] == present["guid"]
+    return _member_types(state) == _member_types(present) and state["guid"] == present["guid"]
 
 
-def _types(state: State) -> dict[str, Any]:
-    """Type of each member by name; of a list those of its elements."""
+def _member_types(state: State) -> dict[str, Any]:
+    """Type of each member by name; of a list the types of its elements."""
     return {name: [*map(type, value)] if isinstance(value, list) else type(value) for name, value in state.items()}
