@@ -69,13 +69,13 @@ def action(
     require_no_contacts(equations, "the action")
     require_no_orientations(equations, "the action")
     require_constants_at_rest(equations, values)
-    names = _sampled_coordinates(equations, path)
+    names = _path_coordinates(equations, path)
     if not names:
         raise ComponentError(f"{equations.name}: the path moves no coordinate; give one and its rate")
     t, z = _sampled_path(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
-        varied = _sampled_coordinates(equations, variation, names)
+        varied = _path_coordinates(equations, variation, names)
         _, samples = _sampled_path(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
@@ -182,7 +182,7 @@ def gauss_function(source: Source) -> Quantity:
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 
-def _sampled_coordinates(equations: Equations, path: Values, allowed: list[str] | None = None) -> list[str]:
+def _path_coordinates(equations: Equations, path: Values, allowed: list[str] | None = None) -> list[str]:
     """Names of the coordinates of a path: all free ones, and the active ones with samples.
 
     :param allowed: coordinates that may have samples, none of which must; None: as above.

@@ -193,7 +193,7 @@ class Similarity:
 
     @property
     def time_exponent(self) -> float:
-        """Exponent 1 - h/2 of the time in the ratio of lengths (K eq. 56)."""
+        """Exponent 1 - h/2: times scale as lengths to this power (K eq. 56)."""
         return 1 - self.degree / 2
 
     def time_ratio(self, length_ratio: ArrayLike) -> Any:

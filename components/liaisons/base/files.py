@@ -47,7 +47,7 @@ def atomic_replacement(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacement_path(path: Path) -> Iterator[Path]:
-    """Yield the path of :func:`atomic_replacement`, for a file that a user has named.
+    """Yield the path of :func:`atomic_replacement`; for files that a user has named.
 
     :raises SimulationError: if it cannot be written.
     """
@@ -144,11 +144,11 @@ def _must_be_overwritten(path: Path) -> bool:
     except FileNotFoundError:
         return False
     locked = not os.access(path.resolve().parent, os.W_OK)
-    return locked or not stat.S_ISREG(status.st_mode) or _standard_stream(status) is not None
+    return locked or not stat.S_ISREG(status.st_mode) or _standard_output_descriptor(status) is not None
 
 
-def _standard_stream(status: os.stat_result) -> int | None:
-    """File descriptor, 1 or 2, of the standard output or error, if it goes to this file; else None."""
+def _standard_output_descriptor(status: os.stat_result) -> int | None:
+    """File descriptor of standard output (1) or error (2) if it goes to this file; else None."""
     for descriptor in (1, 2):
         with suppress(OSError):  # it is closed
             if os.path.samestat(status, os.fstat(descriptor)):
@@ -158,7 +158,7 @@ def _standard_stream(status: os.stat_result) -> int | None:
 
 def _open_for_overwriting(path: Path) -> IO[bytes]:
     """Open a file for overwriting; a standard stream continues at its position."""
-    descriptor = _standard_stream(path.stat())
+    descriptor = _standard_output_descriptor(path.stat())
     if descriptor is None:
         return path.open("wb")
     for stream in (sys.stdout, sys.stderr):

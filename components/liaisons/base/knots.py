@@ -86,7 +86,7 @@ def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
 def _spline_knots(
     times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
 ) -> NDArray[np.float64]:
-    """Table of knots at these times; a spline gives the rates and accelerations that are None."""
+    """Knots at these times, shape (4, times); a spline gives the rates and accelerations that are None."""
     from scipy.interpolate import make_interp_spline  # slow to load
 
     def derivative(column: NDArray, order: int) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from liaisons.library import catalogue_names
 
 
 def requested_scenarios(name: str) -> list[str]:
-    """Names of scenarios: those that verify a number of the texts, or any other name as it is.
+    """Scenarios that verify the equation or section of this number in the texts; else the name itself.
 
     :raises BadParameter: if no scenario verifies it.
     """

@@ -84,7 +84,7 @@ class ContactSteps:
             most *= 4
 
     def retrace(self, entries: Entries, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
-        """States behind entries, (entries, states), and, if they are kept, those before them or of stages."""
+        """Repeat entries: the state after each, (entries, states); with ``keep`` also before it, or at its stages."""
         states, stages = np.empty((len(entries), len(y))), stage_room(len(entries) if keep else 1, y)
         self._steps.call(
             "run", "retrace", *entries.arguments(k), y.copy(), states, stages, stages[0].size if keep else 0

@@ -95,7 +95,7 @@ class RightHandSide:
 
 @lru_cache(maxsize=32)
 def flat_model(declared: type[Component]) -> Model:
-    """Model of a component, with arrays element by element."""
+    """Model of a component whose variables are scalars: each element of an array is one."""
     return assemble(declared).flat()
 
 

@@ -65,7 +65,7 @@ class Carry:
         return replace(self, start=rewrite(self.start), following=rewrite(self.following))
 
     def restricted_to(self, needed: set[int]) -> Carry:
-        """Return the scan of the needed symbols, by their keys, and of those that they depend on."""
+        """Return the carry of the symbols with these keys, and of all that they depend on."""
         reached: set[int] = set()
         new = {*_row_indices(self.symbols, needed), *_row_indices(self.last, needed)}
         while new:

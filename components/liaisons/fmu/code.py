@@ -22,7 +22,7 @@ from liaisons.fmu.dependencies import coupled_state_count, state_outputs
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
-from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_count
+from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_memory_index, scalar_count
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
@@ -398,11 +398,11 @@ def _tables(model: Model) -> list[_Table]:
     active = []
     for a in model.active:
         firsts = (inputs[name].start for name in (a.value, a.rate, a.acceleration))
-        mismatch = mismatch_index(model, a)
+        mismatch = mismatch_memory_index(model, a)
         active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
     tables = [
         _Table("variables", "", "Variable", _variable_initializers(model)),
-        _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _differing_starts(model)]),
+        _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _element_starts(model)]),
         _Table("active", "active_rows", "Active", active),
         _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_flags(model)]),
         _Table("state", "state_rows", "State", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
@@ -519,8 +519,8 @@ def _common_start(variable: Variable) -> float:
     return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
-def _differing_starts(model: Model) -> list[tuple[int, float]]:
-    """Return index and start value of each element that has not the common start of its array."""
+def _element_starts(model: Model) -> list[tuple[int, float]]:
+    """Return index and start value of each element whose start is not the common one of its array."""
     listed = []
     for variable, indices in zip(model.variables, index_ranges(model.variables).values(), strict=True):
         common = _common_start(variable)  # once: an array may have 100 000 elements

@@ -88,8 +88,8 @@ def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
     return u, k
 
 
-def mismatch_index(model: Model, prescribed: ActiveInput) -> int:
-    """Return the index of the mismatch of a prescribed coordinate in the memory; -1 if it has none."""
+def mismatch_memory_index(model: Model, prescribed: ActiveInput) -> int:
+    """Return the memory index of a prescribed coordinate's mismatch; -1 if it has none."""
     names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
     return next((i for i, name in enumerate(model.memory) if name in names), -1)
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import first_reference, mismatch_index
+from liaisons.fmu.layout import first_reference, mismatch_memory_index
 from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
 from liaisons.mechanics.model import Model
 
@@ -71,7 +71,7 @@ def _component_table(model: Model, guid: str) -> bytes:
         "fixed": [variable.variability == "fixed" for variable in settable],
         "impulses": [first + i for i, variable in enumerate(model.inputs) if variable.variability == "discrete"],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
-        "warnings": _mismatch_warnings(model),
+        "warnings": _prescribed_motion_warnings(model),
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),
@@ -80,8 +80,11 @@ def _component_table(model: Model, guid: str) -> bytes:
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
-def _mismatch_warnings(model: Model) -> list[tuple[int, list[str]]]:
-    """Return for each prescribed coordinate the index of its mismatch in the memory, and texts of two warnings."""
+def _prescribed_motion_warnings(model: Model) -> list[tuple[int, list[str]]]:
+    """Return, for each prescribed coordinate, the memory index of its mismatch and texts of warnings.
+
+    They are of a contradiction of value and rates, and of a jump.
+    """
     effects = jump_effects(model)
     stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
     warnings = []
@@ -94,7 +97,7 @@ def _mismatch_warnings(model: Model) -> list[tuple[int, list[str]]]:
             f"{s.value} jumps by {{mismatch:.6g}} at t = {{t:.9g}}, of which {s.rate} and {s.acceleration} "
             f"say nothing: {_LIMIT if limited else stay}"
         )
-        warnings.append((mismatch_index(model, s), [contradiction, jump]))
+        warnings.append((mismatch_memory_index(model, s), [contradiction, jump]))
     return warnings
 
 

@@ -39,7 +39,7 @@ from scipy.integrate import RK45
 from liaisons.base.hermite import upper_coefficients
 from liaisons.fmu.dependencies import coupled_state_count
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import mismatch_index
+from liaisons.fmu.layout import mismatch_memory_index
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
@@ -188,7 +188,7 @@ def _mismatch_and_jump(
     explained += _RATE * distance + _VALUE * largest[values] + math.ulp(1.0)
     m, mismatch = ca.MX(n.m), ca.if_else(ca.fabs(difference) > explained, difference, 0)
     for i, coordinate in enumerate(model.active):
-        index = mismatch_index(model, coordinate)
+        index = mismatch_memory_index(model, coordinate)
         if index >= 0:
             m[index] = ca.if_else(ca.logic_and(moves, H > 0), mismatch[i], 0)
     far, target = ca.fabs(difference) > _FAR * distance, ca.MX(n.given)

@@ -128,7 +128,7 @@ class SampledMechanism:
 
     @property
     def _rate_coordinates(self) -> dict[str, str]:
-        """Coordinate of each rate that has a start value, σ̇ included; an angular velocity is its own."""
+        """Rate with a start value -> its coordinate, also of active ones; an angular velocity maps to itself."""
         starts, states = self.symbols.start_parameters, self.symbols.state_names
         coordinates = {name: name.replace("_dot", "", 1) for name in starts if name not in states}
         own = {name: q if q in {*states, *starts} else name for name, q in coordinates.items()}
@@ -262,7 +262,7 @@ class SampledMechanism:
         parameters = np.hstack([motion, ends, np.full((6, 1), step_size)])
         last = np.array(self._step_integrator(begin, parameters, 1.0))[:n]
         y, of_states, before, after = np.split(last, np.cumsum([1, n, 3 * c]), axis=1)
-        M, N = _correction_step(step_size, period, c)
+        M, N = _correction_step_matrices(step_size, period, c)
         A = np.block(
             [
                 [of_states, before + after @ M],
@@ -424,8 +424,8 @@ def _powers_and_derivatives(fraction: Any, step_size: ca.MX | float) -> Any:
     return ca.vertcat(values, rates, rates @ _DERIVATIVE / step_size)
 
 
-def _correction_step(step_size: float, period: float, count: int) -> Step:
-    """Matrices M and N of a step of corrections, (x, x', x'') -> M (x, x', x'') + N w: dx''/dt = (w - x'') / period."""
+def _correction_step_matrices(step_size: float, period: float, count: int) -> Step:
+    """Matrices M, N of a step of the filter dx''/dt = (w - x'') / period: (x, x', x'') -> M (x, x', x'') + N w."""
     flow = np.diag([1.0, 1.0, 1 / period], 1)  # of x, x', x'' and w
     flow[2, 2] = -1 / period
     step: Any = np.kron(expm(step_size * flow)[:3], np.eye(count))

@@ -258,7 +258,7 @@ class FittingProblem:
             whole = self._measured_motion(data, own, unknowns, level, record=record)
             signals = whole.branch(unknowns).signals[list(rows)]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
-            states = self._smoothed_states(data, edges, signals)
+            states = self._smoothed_start_values(data, edges, signals)
             most = edges[1] // 2
             for i, edge in list(enumerate(edges))[1:-1] if isinstance(whole.motion, ContactMotion) else ():
                 edges[i], states[:, i] = self._nearest_possible_start(whole, unknowns, edge, most, signals)
@@ -283,8 +283,8 @@ class FittingProblem:
         values = np.clip(values, *limits)
         return Objective(self, tuple(experiments), values, limits, tuple(links))
 
-    def _smoothed_states(self, data: Measurements, indices: Sequence[int], fallback: Floats) -> Floats:
-        """Start values of motions that begin at some of the times, shape (start values, indices)."""
+    def _smoothed_start_values(self, data: Measurements, indices: Sequence[int], fallback: Floats) -> Floats:
+        """Start values, smoothed from the data, of motions from measured times, shape (start values, indices)."""
         rows = zip(self.starts.values(), fallback, strict=True)
         return np.array([smoothed_values(data, output, indices, row[list(indices)]) for output, row in rows])
 
@@ -299,7 +299,7 @@ class FittingProblem:
         data, columns = whole.measurements, dict(zip(whole.motion.names, whole.columns, strict=True))
         columns |= {name: len(unknowns) + k for k, name in enumerate(self.starts)}
         for i in sorted(range(index - max_shift, index + max_shift), key=lambda i: abs(i - index)):
-            state = self._smoothed_states(data, [i], fallback)[:, 0]
+            state = self._smoothed_start_values(data, [i], fallback)[:, 0]
             instant, options = replace(data, times=data.times[[i]], instants={}), {"start_time": float(data.times[i])}
             motion = self._measured_motion(
                 instant, columns, np.append(unknowns, state), whole.deviations, record=whole.motion.signals, **options

@@ -20,7 +20,7 @@ def memory_names(layout: Layout) -> tuple[str, ...]:
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
-def accounting_results(
+def with_energy_accounting(
     vectors: Mapping[str, Any],
     layout: Layout,
     *,

@@ -12,7 +12,7 @@ from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.energy_accounting import accounting_results, memory_names
+from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, declared_fields, domain_conditions
@@ -64,7 +64,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     ends = [0, *accumulate(column.shape[0] for column in columns)]
     initial, first_energy, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
     shown = mechanism_picture(m, read | symbols)
-    results = accounting_results(
+    results = with_energy_accounting(
         vectors,
         flat,
         initial=initial,

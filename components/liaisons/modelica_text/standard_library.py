@@ -39,7 +39,7 @@ def with_standard_library(text: str) -> str:
 
 
 def _typed_declarations(declaration: re.Match[str]) -> str:
-    """Return a declaration of variables with units as one for each type of the library."""
+    """Split a declaration of variables with units into one declaration for each type of the library."""
     indentation, prefix, kind, listed = declaration.groups()
     variables, depth = [""], 0
     for token in _TOKEN.findall(listed):

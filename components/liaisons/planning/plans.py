@@ -148,13 +148,13 @@ class Plan:
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
         knots = self._knots if interpolate else self._equidistant_knots(step)
-        system.add(self.problem.name, self.goal.fmu, **self.fmu_starts, **_tables(knots))
+        system.add(self.problem.name, self.goal.fmu, **self.fmu_starts, **_interpolants(knots))
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
         """Simulate the FMUs, with the knots as communication points."""
-        values = {**self.fmu_starts, **_tables(self._knots)}
+        values = {**self.fmu_starts, **_interpolants(self._knots)}
         return simulate(self.goal.fmu, times=self._communication_points(), tolerance=_TOLERANCE, **values)
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
@@ -283,8 +283,8 @@ class Plan:
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
 
-def _tables(knots: Mapping[str, Array]) -> dict[str, Any]:
-    """Operators that interpolate between the knots, by moved coordinate."""
+def _interpolants(knots: Mapping[str, Array]) -> dict[str, Any]:
+    """Moved coordinate -> operator that interpolates between its knots."""
     return {name: tabulated(*columns) for name, columns in knots.items()}
 
 

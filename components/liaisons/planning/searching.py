@@ -35,7 +35,7 @@ from liaisons.planning.verifying import (
     HAMILTONIAN_VARIATION,
     MULTIPLIER_ERROR,
     hamiltonian_scale,
-    hamiltonian_variation,
+    largest_hamiltonian_range,
 )
 
 # Numbers of the search; costs and deviations are relative to their sizes.  With them every plan of
@@ -186,7 +186,7 @@ def _sort_key(solution: Solution) -> tuple[bool, float]:
 
     Coarse meshes undercut what is possible.
     """
-    variation = hamiltonian_variation(solution)
+    variation = largest_hamiltonian_range(solution)
     return bool(variation > _EXTREMAL_VARIATION * hamiltonian_scale(solution)), solution.cost
 
 
@@ -198,15 +198,17 @@ def _is_accepted(solution: Solution, settings: SearchSettings) -> bool:
 
 def _solve_start(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """The solution from a start, if need be on a finer mesh; without one, the iterate nearest to the end."""
-    candidate = _solve_by_nearest_end(problem, trajectory, clock)
+    candidate = _solve_directly_or_by_nearest_end(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
     if candidate.ends_search or coarse >= intervals or end_miss(candidate) > _BLURRED_MISS:
         return candidate
-    return _solve_by_nearest_end(problem, trajectory.interpolated((Arc(intervals),), trajectory.durations), clock)
+    return _solve_directly_or_by_nearest_end(
+        problem, trajectory.interpolated((Arc(intervals),), trajectory.durations), clock
+    )
 
 
-def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
-    """The solution from a start, directly or by way of the nearest end that IPOPT reaches."""
+def _solve_directly_or_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
+    """Solution from an initial trajectory: directly, else by way of the nearest end that IPOPT reaches."""
     candidate = solve(problem, trajectory, clock)
     if candidate.ends_search:
         return candidate
@@ -265,13 +267,13 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
         trajectory = solution.trajectory
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
-        is_extremal = hamiltonian_variation(solution) <= tolerance
+        is_extremal = largest_hamiltonian_range(solution) <= tolerance
         if interval_count(arcs) > _MOST_INTERVALS or (is_extremal and _satisfies_equations(solution)):
             break
         finer = solve(problem, trajectory.interpolated(arcs, trajectory.durations), clock, is_near=True)
         if not finer.succeeded:
             return replace(solution, finished=finer.finished)
-        if problem.phases and hamiltonian_variation(finer) > hamiltonian_variation(solution):
+        if problem.phases and largest_hamiltonian_range(finer) > largest_hamiltonian_range(solution):
             break  # the barrier of gaps that close prevails
         solution = finer if len(arcs) > 1 else _insert_arcs(finer, clock)
     return solution
@@ -415,7 +417,7 @@ def refuse_singularity(solution: Solution) -> None:
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
     problem, trajectory, count = solution.problem, solution.trajectory, len(solution.problem.moves)
-    variation = hamiltonian_variation(solution)
+    variation = largest_hamiltonian_range(solution)
     if problem.phases or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)

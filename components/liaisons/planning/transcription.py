@@ -167,7 +167,7 @@ class Clock:
         return self.is_interrupted or self.elapsed >= self.limit
 
     def tick(self, _iteration: int) -> None:
-        """Show the elapsed time; called by IPOPT at each iteration.
+        """Show the elapsed time, or raise what was interrupted; IPOPT calls it at each iteration.
 
         :raises KeyboardInterrupt: after an interrupt, to end IPOPT.
         """
@@ -512,7 +512,7 @@ def _range_constraint(low: float, value: Any, high: float) -> ca.MX:
 
 
 def _path_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
-    """Constraints by which rows of the path are in their ranges along an arc, or held at a bound.
+    """Constraints that keep each row of the path in its range along an arc, or hold it at a bound.
 
     They act at the collocation points, on states at the knots, too.
 

@@ -128,13 +128,13 @@ def _replay_verdicts(solution: Solution, replay: Result) -> Iterator[Verdict]:
 
 
 def _hamiltonian_verdicts(solution: Solution) -> Iterator[Verdict]:
-    """Verdicts on the Hamiltonian, which is constant along an extremal, and 0 if the duration is free."""
+    """Verdicts: the Hamiltonian is constant, and 0 if the duration is free; a free motion is a geodesic."""
     problem, trajectory, path = solution.problem, solution.trajectory, solution.problem.path
     scale = hamiltonian_scale(solution)
     why = f"relative to its terms, or {MULTIPLIER_ERROR:g}; an extremal that the mesh resolves keeps it to 1e-8"
     yield verdict(
         "the Hamiltonian is constant",
-        error=hamiltonian_variation(solution) / scale,
+        error=largest_hamiltonian_range(solution) / scale,
         tolerance=HAMILTONIAN_VARIATION,
         reason=why,
     )
@@ -177,8 +177,8 @@ def hamiltonians(solution: Solution) -> list[Array]:
     return [part for part in (free, *(H[inside] for inside in fixed)) if part.size]
 
 
-def hamiltonian_variation(solution: Solution) -> float:
-    """Greatest variation of the Hamiltonian within a part along which it is constant."""
+def largest_hamiltonian_range(solution: Solution) -> float:
+    """Largest difference of values of the Hamiltonian within any one part, along which it is constant."""
     return float(max(map(np.ptp, hamiltonians(solution))))
 
 

@@ -51,7 +51,7 @@ class Elimination:
         row_order, column_order = map(as_indices, (factors.perm_r, factors.perm_c))
         ordered, n = self._numbers[:, np.argsort(column_order)], len(row_order)
         rows = row_order[ordered.indices]
-        above, below = _fill_in([part.tolist() for part in np.split(rows, ordered.indptr[1:-1])])
+        above, below = _upper_and_lower_rows([part.tolist() for part in np.split(rows, ordered.indptr[1:-1])])
         self.record.ordered = True
         self.record.point(
             values=self.values,
@@ -75,8 +75,8 @@ class Elimination:
             raise RuntimeError("Factor is exactly singular")
 
 
-def _fill_in(columns: Iterable[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
-    """Rows of the entries of U above the diagonal and of L below it, column by column.
+def _upper_and_lower_rows(columns: Iterable[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
+    """Rows of the entries, of each column of U above the diagonal, then of each column of L below it.
 
     :param columns: rows of the entries of the matrix.
     """

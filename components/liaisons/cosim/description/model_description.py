@@ -215,7 +215,11 @@ class Description:
             self._handlers |= {tag: partial(self._add_typed_scalar, kind, tag) for tag, kind in _FMI_2.items()}
             return
         self._handlers |= {tag: partial(self._add_variable, kind, tag) for tag, kind in _FMI_3.items()}
-        self._handlers |= {"Dimension": self._add_dimension, "Start": self._add_start_value, "Alias": self._add_alias}
+        self._handlers |= {
+            "Dimension": self._add_dimension,
+            "Start": self._read_start_element,
+            "Alias": self._add_alias,
+        }
 
     def _add_typed_scalar(self, kind: VariableType, tag: str, attributes: Attributes) -> None:
         """Add the scalar of FMI 2.0 whose type this tag gives."""
@@ -289,7 +293,8 @@ class Description:
         if self._pending is not None:
             self._pending[1].append((attributes.get("start"), attributes.get("valueReference")))
 
-    def _add_start_value(self, attributes: Attributes) -> None:
+    def _read_start_element(self, attributes: Attributes) -> None:
+        """Add the value of a ``<Start>`` element to the variable that is being read."""
         if self._pending is not None:
             self._pending[2].append(attributes["value"])
 

@@ -374,7 +374,7 @@ class ModelExchange(Loaded, ABC):
     # ---- functions for the solver
 
     def _cvode_callback(self, name: str, size: int) -> Function:
-        """FMI function of time and states, in the form in which CVODE calls it; ``size`` is that of its result."""
+        """Python function that calls an FMI function of time and states, for CVODE; ``size`` is that of its result."""
         function, count = self._function(name), c_size_t(size)
 
         def evaluate(time: float, states: int, result: int) -> int:

@@ -186,10 +186,10 @@ class MissingImpulses(NamedTuple):
     points: Indices
 
 
-def connections_without_impulses(
+def connections_losing_impulses(
     simulation: Simulation, solved: Collection[VariableReference]
 ) -> dict[VariableReference, Connection]:
-    """Sum of impulses -> connection of a force through which these impulses do not go.
+    """Sum of impulses -> connection of a force that does not pass these impulses on.
 
     The sums are those of the operators of a mechanism that is moved, and of the contacts of one that moves another.
 
@@ -236,7 +236,7 @@ def missing_impulses(
 ) -> list[MissingImpulses]:
     """Impulses that did not go through connections, of each connection with some.
 
-    :param connections: see :func:`connections_without_impulses`.
+    :param connections: see :func:`connections_losing_impulses`.
     :param columns: values of variables at the communication points.
     """
     missing: list[MissingImpulses] = []

@@ -40,7 +40,7 @@ from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_val
 from liaisons.cosim.running.adaptive import CommunicationSteps, adapt_steps, divide_steps
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import (
-    connections_without_impulses,
+    connections_losing_impulses,
     contact_variables,
     friction_directions,
     missing_impulses,
@@ -124,7 +124,7 @@ class Run:
             also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
-            self._sums = connections_without_impulses(simulation, forces_through(through))
+            self._sums = connections_losing_impulses(simulation, forces_through(through))
             fed = {name for name, _ in simulation.feeds}
             contacts = [
                 variable
@@ -530,10 +530,9 @@ class Run:
         raise RefusedError(f"{self._simulation.title}: {words}")
 
     def _cross_impacts(self, impacts: Impacts, now: float, end: float, size: float, *, in_result: bool) -> bool:
-        """Advance across impacts that begin now, or a contact that begins or ends to push or to slide.
+        """Cross impacts, or changes of a contact's mode, of this instant; return whether the end is reached.
 
         :param size: of a communication step [s].
-        :returns: whether the end is reached.
         """
         loop, bus, go_back = self._loop, self._bus, self._save_step()
         before = loop.rows[loop.done - 1]
@@ -647,7 +646,7 @@ class Run:
         numbers, indices = np.unique(values[strings], return_inverse=True)
         values[strings] = indices.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in numbers)
-        self._error = self._errors_between(in_result)
+        self._error = self._errors_by_point(in_result)
         columns = {place: rows[:, k] for place, k in self._bus.index.items()}
         self._missing = missing_impulses(self._sums, times, columns)
         for missing in self._missing:
@@ -678,8 +677,8 @@ class Run:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
 
-    def _errors_between(self, in_result: Indices) -> Vector:
-        """Coupling error added between neighbouring points of the result, shape (points,)."""
+    def _errors_by_point(self, in_result: Indices) -> Vector:
+        """Coupling error that each point of the result adds to that of the point before, shape (points,)."""
         if self._errors:
             return np.array([0.0, *self._errors])
         loop, sums = self._loop, np.zeros(len(in_result))

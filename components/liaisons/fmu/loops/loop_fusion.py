@@ -63,7 +63,7 @@ class LoopFusion:
         return self.loops[-1]
 
     def _add_carry(self, carry: Carry) -> None:
-        """Add a carried value to the first loop of its direction in which the symbols that it reads are available."""
+        """Add a carried value to the first loop, inward or outward as it is, in which all that it reads is known."""
         index = self._earliest_index(carry.read)
         while index < len(self.loops) and self.loops[index].inward is not carry.inward:
             index += 1

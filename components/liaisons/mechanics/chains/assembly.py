@@ -21,7 +21,7 @@ from liaisons.mechanics.chains.sweeps import (
     mass_matrix_diagonal,
     momenta,
 )
-from liaisons.mechanics.energy_accounting import MEMORY, accounting_results, memory_names
+from liaisons.mechanics.energy_accounting import MEMORY, memory_names, with_energy_accounting
 from liaisons.mechanics.functions import SIGNATURES, model_functions
 from liaisons.mechanics.model import Contact, Model, declared_fields
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
@@ -64,7 +64,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     vectors = {"t": t, "y": y, "u": u, "k": k, "m": memory}
     if contacts:
         vectors["x"] = m.contact_forces
-    results = accounting_results(
+    results = with_energy_accounting(
         vectors,
         layout,
         initial=ca.vertcat(initial, 0, 0),

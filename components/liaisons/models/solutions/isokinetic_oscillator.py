@@ -95,7 +95,10 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
 @closed_form("smallest and largest r [m], time [s] and angle [rad] from one to the other", stiffness="> 0")
 def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float, float, float]:
-    """Return both radii, time and angle for the orbit through ``position`` [m], (3,), with ``velocity`` [m/s], (3,)."""
+    """Return smallest and largest radius, time and angle between them.
+
+    :param position: of a point of the orbit [m], shape (3,); ``velocity`` there [m/s], shape (3,).
+    """
     r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
     at.require(np.any(np.cross(r, v)), "straight through the origin r does not turn")
     orbit = Orbit.through(at, r, v)
