@@ -139,7 +139,7 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
 
     def find(name: str) -> System:
         with monkeypatch.context() as patch:
-            patch.setattr("liaisons.cosim.system.checked", stop)
+            patch.setattr("liaisons.cosim.system.checked_simulation", stop)
             patch.setattr(liaisons, "sweep", stop_sweep, raising=False)
             with pytest.raises(_FoundError) as caught:
                 execute(load(name), tmp_path, debug=True)

@@ -111,7 +111,7 @@ def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component:
     values, jumps = ANNOUNCED[component]
     backend, fmi = kind.split()
     file = fmu(component, "python" if backend == "python" else "native", fmi=fmi)
-    assert cosim_description.read(file).next_event_time is not None
+    assert cosim_description.read(file).next_event_variable is not None
     times = np.linspace(0, 1, 11)
     if backend == "exchange":
         starts = {f"{k}[{i + 1}]": x for k, column in values.items() for i, x in enumerate(np.ravel(column))}
@@ -135,7 +135,7 @@ def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component:
 
 
 def test_what_is_smooth_announces_nothing(fmu) -> None:
-    assert cosim_description.read(fmu(Sinusoid)).next_event_time is None
+    assert cosim_description.read(fmu(Sinusoid)).next_event_variable is None
 
 
 def test_the_name_of_the_next_event_is_reserved() -> None:

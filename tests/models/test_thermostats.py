@@ -77,7 +77,6 @@ ORBITS: dict[str, Values] = {
     "wide": {"x_0": 0.2, "x_dot_0": 0.1, "y_dot_0": 1.4106735979665885, "z_dot_0": 1.0},
     "oblique": {"x_0": 0.7, "y_0": 0.4, "z_0": 0.5, "x_dot_0": -1.0, "y_dot_0": 1.0, "z_dot_0": -1.0, "mass": 2.0}
     | {"thermal_energy": 2.0, "stiffness": 1.5},
-    "close": {"x_0": 0.05},
     "straight": {"x_0": 0.5, "y_0": 0.5, "z_0": 0.5},
     "free": {"stiffness": 0.0},
 }

@@ -4,7 +4,8 @@ With w = r² and |r × r'| = c v exp(a w/2), which is what Gauss's friction leav
 
     w'² = 4 v² f(w),    f(w) = w - c² exp(a w),    φ' = c v exp(a w/2) / w
 
-f vanishes at w_1 < w_2.  On w = (w_1 + w_2)/2 - (w_2 - w_1)/2 cos θ the rate of θ is positive and smooth.
+f vanishes at w_1 < w_2.  On w = (w_1 + w_2)/2 - (w_2 - w_1)/2 cos θ both dt/dθ and dφ/dθ are even, periodic
+and analytic in θ, so that their cosine series converge geometrically.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import quad
+from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.integration import integrate
 
-_NEAREST = 1e-3  # smallest r / largest r; of closer orbits the phase at the start is known to less than 1e-10
+_NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
+_MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18
 _CIRCLE = 1e-4  # relative width of the ring below which c does not resolve the turning points (error √ε/width)
 
 
@@ -27,68 +28,94 @@ _CIRCLE = 1e-4  # relative width of the ring below which c does not resolve the 
 class Orbit:
     """Motion between two turning points; the phase θ is 0 at the inner one and π at the outer one."""
 
-    speed: float
-    a: float
-    c: float
     inner: float  # w_1
     outer: float  # w_2
+    time: NDArray  # cosine series of dt/dθ
+    angle: NDArray  # of dφ/dθ
 
     @classmethod
-    def through(cls, at: Values, position: NDArray, velocity: NDArray) -> Orbit:
-        """Make the orbit through a position [m], (3,), with a velocity [m/s], (3,).
+    def of(cls, at: Values, speed: float, a: float, c: float) -> Orbit:
+        """Make the orbit of a speed, a > 0 and 0 < c <= 1/√(a e).
 
         :raises ValidityError: on the circle r² = 1/a or too close to it, and where it passes too close to the origin.
         """
-        speed, a = float(np.linalg.norm(velocity)), at.stiffness / (3 * at.thermal_energy)
-        area_rate = np.linalg.norm(np.cross(position, velocity))
-        c = float(area_rate * np.exp(-a * (position @ position) / 2) / speed)
-        inner, outer = (float(-lambertw(-a * c**2, branch).real) / a for branch in (0, -1))
+        product = -a * c**2
+        inner, outer = (float(-lambertw(product, branch).real) / a for branch in (0, -1))
         at.require(
-            a * c**2 < np.exp(-1) and outer - inner > _CIRCLE * outer,
+            product > -np.exp(-1) and outer - inner > _CIRCLE * outer,
             f"the orbit is almost the circle of radius {a**-0.5:g} m; r is constant there",
         )
         ratio = np.sqrt(inner / outer)
-        at.require(ratio >= _NEAREST, f"r falls to {ratio:.2g} of its largest value, below {_NEAREST}")
-        return cls(speed, a, c, inner, outer)
-
-    def r_squared(self, theta: ArrayLike) -> NDArray:
-        """Square of the radius at a phase [m2]."""
-        return self.inner + (self.outer - self.inner) * np.sin(np.asarray(theta) / 2) ** 2
-
-    def rates(self, theta: ArrayLike) -> tuple[NDArray, NDArray]:
-        """Rates of θ and of φ at a phase [rad/s]."""
-        w, ends = self.r_squared(theta), (self.inner, self.outer)
-        near, far = (np.where(np.cos(theta) > 0, *pair) for pair in (ends, ends[::-1]))
+        at.require(
+            ratio >= _NEAREST,
+            f"r falls to {ratio:.2g} of its largest value; the series reach {_NEAREST}",
+        )
+        theta = np.pi * (np.arange(_MODES) + 0.5) / _MODES
+        w = _radius_squared(inner, outer, theta)
+        near, far = np.where(theta < np.pi / 2, inner, outer), np.where(theta < np.pi / 2, outer, inner)
         # f(w)/((w - w_1)(w_2 - w)), from the nearer root, where f itself has no digits: c² exp(a w_i) = w_i
-        root = np.sqrt((1 - near * self.a * exprel(self.a * (w - near))) / (far - w))
-        return 2 * self.speed * root, self.c * self.speed * np.exp(self.a * w / 2) / w
+        root = np.sqrt((1 - near * a * exprel(a * (w - near))) / (far - w))
+        rate = 2 * speed * root
+        phi_rate = c * speed * np.exp(a * w / 2) / w
+        return cls(inner, outer, _cosine_coefficients(1 / rate), _cosine_coefficients(phi_rate / rate))
+
+    @property
+    def half_period(self) -> float:
+        """Time from one turning point to the other [s]."""
+        return float(np.pi * self.time[0])
+
+    @property
+    def apsidal_angle(self) -> float:
+        """Angle at the centre between them [rad]."""
+        return float(np.pi * self.angle[0])
+
+    def phase(self, w: float, *, outwards: bool) -> float:
+        """Phase θ at a distance √w."""
+        theta = float(np.arccos(np.clip((self.inner + self.outer - 2 * w) / (self.outer - self.inner), -1, 1)))
+        return theta if outwards else -theta
+
+    def at(self, t: NDArray, phase: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Radius r [m], r' [m/s] and φ - φ(0) [rad] at times after a phase."""
+        target = t + _series_integral(self.time, np.array(phase))
+        theta = target / self.time[0]
+        for _ in range(60):  # Newton; quadratic from a start that is off by the sine series alone
+            step = (_series_integral(self.time, theta) - target) / _series_sum(self.time, theta)
+            theta = theta - step
+            if np.max(np.abs(step)) <= 4e-16 * np.max(1 + np.abs(theta)):
+                break
+        w = _radius_squared(self.inner, self.outer, theta)
+        w_dot = (self.outer - self.inner) / 2 * np.sin(theta) / _series_sum(self.time, theta)
+        r = np.sqrt(w)
+        return r, w_dot / (2 * r), _series_integral(self.angle, theta) - _series_integral(self.angle, np.array(phase))
 
 
-@closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T", t=">= 0")
+@closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     """Return position, velocity and μ at the times; orbits close to circles are refused."""
-    r_0, v_0 = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
-    speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(v_0)
+    position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
+    speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
     at.require(
         abs(norm - speed) <= 1e-6 * speed,
         f"the start velocity {norm:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
     )
-    a, moment = at.stiffness / (3 * at.thermal_energy), np.cross(r_0, v_0)
-    if a == 0 or not np.any(moment):
-        v = np.multiply.outer(v_0, np.ones_like(t))
-        r = np.multiply.outer(r_0, np.ones_like(t)) + v * t
+    a, r_0, moment = (
+        at.stiffness / (3 * at.thermal_energy),
+        float(np.linalg.norm(position)),
+        np.cross(position, velocity),
+    )
+    area_rate = float(np.linalg.norm(moment))
+    if a == 0 or area_rate == 0:
+        v = np.multiply.outer(velocity, np.ones_like(t))
+        r = np.multiply.outer(position, np.ones_like(t)) + v * t
     else:
-        orbit = Orbit.through(at, r_0, v_0)
-        middle, half = (orbit.inner + orbit.outer) / 2, (orbit.outer - orbit.inner) / 2
-        phase = float(np.copysign(np.arccos(np.clip((middle - r_0 @ r_0) / half, -1, 1)), r_0 @ v_0))
-        theta, phi = integrate(at, lambda _, y: orbit.rates(y[0]), [phase, 0.0], t)
-        theta_dot, phi_dot = orbit.rates(theta)
-        distance = np.sqrt(orbit.r_squared(theta))
-        rate = half * np.sin(theta) * theta_dot / (2 * distance)
-        turn = np.exp(1j * phi)  # in the plane of the motion, from the direction of r_0 on
-        frame = np.transpose([axis / np.linalg.norm(axis) for axis in (r_0, np.cross(moment, r_0))])
-        motions = distance * turn, (rate + 1j * distance * phi_dot) * turn
-        r, v = (np.tensordot(frame, [z.real, z.imag], 1) for z in motions)
+        orbit = Orbit.of(at, speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
+        distance, rate, phi = orbit.at(t, orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
+        phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
+        radial = position / r_0
+        across = np.cross(moment / area_rate, radial)
+        e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
+        e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
+        r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
     names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
     return dict(zip(names, (*r, *v, -a * np.sum(r * v, axis=0)), strict=True))
 
@@ -100,8 +127,31 @@ def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> t
     :param position: of a point of the orbit [m], shape (3,); ``velocity`` there [m/s], shape (3,).
     """
     r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
-    at.require(np.any(np.cross(r, v)), "straight through the origin r does not turn")
-    orbit = Orbit.through(at, r, v)
-    half_period, _ = quad(lambda theta: 1 / orbit.rates(theta)[0], 0, np.pi, epsabs=1e-13)
-    apsidal_angle, _ = quad(lambda theta: orbit.rates(theta)[1] / orbit.rates(theta)[0], 0, np.pi, epsabs=1e-13)
-    return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), half_period, apsidal_angle
+    area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
+    at.require(area_rate > 0, "straight through the origin r does not turn")
+    speed = float(np.linalg.norm(v))
+    orbit = Orbit.of(at, speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
+    return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle
+
+
+def _radius_squared(inner: float, outer: float, theta: NDArray) -> NDArray:
+    """Square of the radius at a phase."""
+    return inner + (outer - inner) * np.sin(theta / 2) ** 2
+
+
+def _cosine_coefficients(values: NDArray) -> NDArray:
+    """Coefficients of Σ a_k cos kθ from the values at (j + ½) π/n."""
+    coefficients = np.asarray(dct(values, type=2)) / values.size
+    coefficients[0] /= 2
+    return coefficients
+
+
+def _series_sum(series: NDArray, theta: NDArray) -> NDArray:
+    """Sum of a cosine series."""
+    return np.cos(np.multiply.outer(theta, np.arange(series.size))) @ series
+
+
+def _series_integral(series: NDArray, theta: NDArray) -> NDArray:
+    """Integral of a cosine series from 0."""
+    k = np.arange(1, series.size)
+    return series[0] * theta + np.sin(np.multiply.outer(theta, k)) @ (series[1:] / k)
