@@ -42,7 +42,7 @@ class Verdict:
         return self.error <= self.tolerance
 
     def row(self) -> dict[str, str]:
-        """Cells of the verdict by column of :func:`table`."""
+        """Cells of the verdict by column of ``print_table``."""
         unit = f" {self.unit}" if self.unit else ""
         return {
             "claim": self.claim,
