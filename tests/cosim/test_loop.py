@@ -211,7 +211,7 @@ def test_its_source_is_clean(source: str) -> None:
     subprocess.run([*cc, *flags, *(f"-I{header}" for header in headers), cosim / source], check=True)
 
 
-_loaded = partial(compiled.compiled_library.__wrapped__, compiled.STEPS, "steps are made by Python")
+_loaded = partial(compiled.cached_library.__wrapped__, compiled.STEPS, "steps are made by Python")
 
 
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:

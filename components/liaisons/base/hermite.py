@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 Data = Sequence[Any] | NDArray[Any]
 _UPPER = {1: [[1]], 2: [[3, -1], [-2, 1]], 3: [[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]]}
-"""Number m of data at each end -> coefficients of the powers m ... 2m - 1, by what the Taylor polynomial from the begin
-lacks of the data at the end.
+"""Number m of data at each end -> coefficients of the powers m ... 2m - 1, by the difference of the
+data at the end and the Taylor polynomial from the start.
 """
 
 
 def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
     """Coefficients of θ^m ... θ^(2m - 1) in the Hermite polynomial; those of lower powers are of the Taylor polynomial.
 
-    :param begin: value and derivatives by time at the begin, θ = 0: m numbers, at most 3; ``end`` those at θ = 1.
+    :param begin: value and derivatives by time at the start, θ = 0: m numbers, at most 3; ``end`` those at θ = 1.
     :param size: length of the interval [s].
     """
     count = len(begin)

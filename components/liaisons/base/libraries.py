@@ -16,7 +16,7 @@ from liaisons.errors import BuildError
 
 
 @lru_cache
-def compiled_library(sources: tuple[Path, ...], consequence: str) -> CDLL | None:
+def cached_library(sources: tuple[Path, ...], consequence: str) -> CDLL | None:
     """The loaded library of C files; None if they cannot be compiled.
 
     :param consequence: what happens then, for the log.

@@ -60,7 +60,7 @@ class Operator(SignalComponent, abstract=True):
         """Signal y as an expression of time, parameters and internal states."""
 
     def interval(self, t: ca.SX, *columns: str, rests: bool = False) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Values of these columns of the table at the begin and at the end of its interval that contains t.
+        """Values of these columns of the table at both ends of its interval that contains t.
 
         The parameter arrays that are declared first and have one dimension are the table, a column each; the first of
         them has the instants of the rows, ascending, and ends where they no longer ascend.  Before all rows it is the

@@ -17,7 +17,7 @@ from liaisons.language.declarations import DiscreteOutput, DiscreteState, Parame
 from liaisons.language.layout import Layout, event_output
 
 LATE = "each sample has to be a communication point: choose a communication step that divides the period"
-"""Message of a step across a sample, whose inputs nobody knows."""
+"""Message of a step across a sample, at which the inputs are unknown."""
 
 
 class SampledStates(SignalComponent, abstract=True):

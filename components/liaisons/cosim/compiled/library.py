@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import CDLL
 from pathlib import Path
 
-from liaisons.base.libraries import compiled_library
+from liaisons.base.libraries import cached_library
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
 """Sources of communication steps; Python, too, can make those of explicit coupling, to the same bits."""
@@ -13,4 +13,4 @@ STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c"
 
 def step_library() -> CDLL | None:
     """Compiled library of communication steps; None if it cannot be compiled or loaded."""
-    return compiled_library(STEPS, "communication steps are made by Python")
+    return cached_library(STEPS, "communication steps are made by Python")

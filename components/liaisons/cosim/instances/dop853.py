@@ -14,7 +14,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.libraries import compiled_library
+from liaisons.base.libraries import cached_library
 from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
 from liaisons.cosim.compiled.calls import HEADER, Call
@@ -81,7 +81,7 @@ class _Equations(Record):
 
 def library() -> c.CDLL | None:
     """The compiled library of the solver; None if it cannot be compiled."""
-    code = compiled_library(_SOURCES, "Model Exchange is solved by CVODE")
+    code = cached_library(_SOURCES, "Model Exchange is solved by CVODE")
     if code is not None:
         code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
         code.dop853_step.argtypes = [c.c_void_p, c.c_double]

@@ -180,7 +180,7 @@ class Isolated(Instance):
         """
         if self._fate:
             raise _LostError
-        self._fate = "was interrupted"  # if this is, nobody will know where the process is
+        self._fate = "was interrupted"  # after an interrupt the state of the process is unknown
         with suppress(OSError):  # it has just ended, as the answer will tell
             self._pipe.send_bytes(dumps(message))
         with suppress(EOFError, OSError):

@@ -46,8 +46,17 @@ static double turn(const EventSearch *s, size_t which, double a, double at_a, do
     at_right = values[which];
     for (int i = 0; i < MOST_TRIALS && fmin(at_left, at_right) > -GRAZING; i++) {
         const int keeps_left = at_left < at_right;
-        if (keeps_left) high = right, right = left, at_right = at_left, left = high - GOLDEN * (high - low);
-        else low = left, left = right, at_left = at_right, right = low + GOLDEN * (high - low);
+        if (keeps_left) {
+            high = right;
+            right = left;
+            at_right = at_left;
+            left = high - GOLDEN * (high - low);
+        } else {
+            low = left;
+            left = right;
+            at_left = at_right;
+            right = low + GOLDEN * (high - low);
+        }
         if (!s->look(s->step, keeps_left ? left : right, values)) return 2;
         *(keeps_left ? &at_left : &at_right) = values[which];
     }
