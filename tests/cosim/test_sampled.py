@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -195,6 +196,11 @@ def test_what_a_function_does_wrong_has_its_name(function: Any, message: str) ->
     with pytest.raises(LiaisonsError) as caught:
         system.simulate(1.0, T)
     assert str(caught.value) == message
+
+
+def test_a_state_that_cannot_be_copied_is_refused() -> None:
+    with pytest.raises(LiaisonsError, match=r"<lambda>: state = <unlocked .* cannot be copied \(.*\), so that no run"):
+        sampled(lambda state, x: (x, state), period=T, reads=["x"], writes=["y"], state=Lock())
 
 
 def test_an_error_later_has_the_result_so_far() -> None:

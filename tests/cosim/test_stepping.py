@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import pickle
 import time
+import tracemalloc
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -195,6 +197,62 @@ def test_a_reset_run_is_a_fresh_one(component: FmuPaths, fmu: FmuPaths, name: st
     _assert_same_bits(run.result, fresh.result)
 
 
+def test_a_refused_reset_changes_nothing(made: Made) -> None:
+    system, settings = made
+    part = next(name for name, part in system.parts.items() if "mass" in part.fmu.variables)
+    with system.start(step_size=0.05, **settings) as run, system.start(step_size=0.05, **settings) as other:
+        for k in range(4):
+            if k == 2:
+                with pytest.raises(SimulationError, match=r"must be > 0|c \(wave.fmu\) cannot go back"):
+                    run.reset({f"{part}.mass": -1.0})
+            for one in (run, other):
+                one.step()
+    _assert_same_bits(run.result, other.result)
+
+
+def test_without_a_state_nothing_is_read(component: FmuPaths, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a reset that was refused, of an FMU that cannot return either."""
+    with start(component("Pendulum"), step_size=0.1, theta_0=0.4) as run:
+        run.step()
+        good = run.save()
+        with monkeypatch.context() as patch:
+            patch.setattr(Run, "restore", lambda run, _: run._refuse("the FMU is silent"))
+            with pytest.raises(SimulationError, match="mass = -1 at t = 0"):
+                run.reset(mass=-1.0)
+        for use in (lambda: run.time, lambda: run["theta"], lambda: run.result, run.save, run.step, run.linearize):
+            with pytest.raises(SimulationError, match=r"^Pendulum: it has no state, .* refused: reset it again$"):
+                use()
+        run.restore(good)
+        assert run.time == 0.1
+        run.reset(theta_0=0.2)
+        assert (run.time, run["theta"]) == (0.0, 0.2)
+
+
+def test_saved_states_share_their_history(component: FmuPaths) -> None:
+    """States on random branches have the points that led to them, and take little memory of their own."""
+    draws, states = np.random.default_rng(43), []
+    with start(component("Pendulum"), step_size=0.01, theta_0=1.0, record=["theta", "theta_force"]) as run:
+        states.append((run.save(), run.result))
+        for _ in range(60):
+            state, past = states[draws.integers(len(states))]
+            run.restore(state)
+            assert run.result.values.tobytes() == past.values.tobytes()
+            assert run.result.time.tobytes() == past.time.tobytes()
+            for _ in range(draws.integers(5)):
+                run.step(theta_force=draws.choice([0.0, 1.0]))
+            states.append((run.save(), run.result))
+        run.reset()
+        for _ in range(5000):
+            run.step()
+        run.save()
+        tracemalloc.start()
+        kept = [run.save() for _ in range(100)]
+        used = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+    assert len(kept) == 100
+    assert used < 10 * run.result.values.nbytes  # copies of the history would take a hundred
+
+
 def test_what_is_not_recorded_is_read(component: FmuPaths, fmu: FmuPaths) -> None:
     with start(component("Pendulum"), step_size=0.1, record=["theta"], theta_0=0.5, mass=2.0) as run:
         run.step()
@@ -247,6 +305,15 @@ REFUSED: dict[str, tuple[Callable[[Run], object], str]] = {
     "two": (lambda run: run.step(theta_force=[1.0, 2.0]), r"= \[1.0, 2.0\]: give numbers of shape \(\)"),
     "a state of none": (lambda run: run.reset(thta_0=1.0), "no variable 'thta_0'"),
     "backwards": (lambda run: run.pace(-1.0), "pace = -1.0: must be > 0"),
+    "a start": (lambda run: run.reset(mass=-1.0), "mass = -1 at t = 0: it must be > 0"),
+    "no state": (lambda run: run.restore(None), "None is no state of a run; restore what its own save"),  # pyright: ignore[reportArgumentType]
+    "too many": (lambda run: run.stepper(["theta_force"], [])([0.1, 0.2]), r"0.1, 0.2\]: give one number for each of"),
+    "none": (lambda run: run.stepper(["theta_force"], [])([]), r"inputs = \[\]: give one number for each of"),
+    "uneven": (lambda run: run.stepper(["theta_force"], [])([[1.0], []]), r"inputs = \[\[1.0\], \[\]\]: give numbers"),
+    "pickled": (pickle.dumps, "Pendulum: a run has FMUs in memory, and cannot be copied or pickled"),
+    "a pickled state": (lambda run: pickle.dumps(run.save()), "cannot be copied or pickled; pickle its result"),
+    "no inputs": (lambda run: run.step(5), "inputs = 5: give a dictionary"),  # pyright: ignore[reportArgumentType]
+    "no name": (lambda run: run[["theta"]], r"variables go by name, \['theta'\] is none"),  # pyright: ignore[reportArgumentType]
 }
 
 

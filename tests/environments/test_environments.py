@@ -336,6 +336,11 @@ def test_the_optimum_is_that_of_lq_control() -> None:
         ({"randomize": {"mass": (-1, 1)}}, "mass"),
         ({"step_size": 0}, "step_size = 0: must be > 0"),
         ({"stop_time": 0.05}, "stop_time = 0.05: must be greater than step_size"),
+        ({"stop_time": None}, "stop_time = None: must be greater than step_size"),
+        ({"reward": 5}, "reward = 5: give a formula as text"),
+        ({"stop": None}, "stop = None: give a formula as text"),
+        ({"start_values": 5}, "start_values = 5: give a dictionary with names as keys"),
+        ({"goal": "x"}, "goal = 'x': give a dictionary with names as keys"),
         ({"render_mode": "human"}, "render_mode = 'human': choose one of 'rgb_array'"),
     ],
 )

@@ -192,6 +192,7 @@ def test_a_filter_that_is_wrong_about_noise_fails() -> None:
 
 
 OBSERVABLE = {"attitude": (1, 0.1, 0.2, -0.3)}
+DOWN: dict[str, Any] = {"at": {"theta": 0.0}, "moves": "pivot_x", "disturbance": {"theta_force": 0.1}}
 WHEELS = ["wheel_1", "wheel_2", "wheel_3"]
 
 
@@ -234,6 +235,12 @@ WHEELS = ["wheel_1", "wheel_2", "wheel_3"]
         ("Pendulum", {**UPRIGHT, **ANGLE, "measured": "thet", "noise": {"thet": 1}}, "did you mean 'theta'?"),
         ("Pendulum", {**UPRIGHT, **ANGLE, "deviations": {"theta": 1}}, "deviations are those at the start of a plan"),
         ("Pendulum", {**UPRIGHT, **ANGLE, "step_size": 0}, "step_size = 0: must be > 0"),
+        *(
+            ("Pendulum", {**DOWN, **ANGLE, **values}, "Riccati's equation has no solution in 16 digits; give standard")
+            for size in (1e-12, 1e12)
+            for values in ({"noise": {"theta": size}}, {"disturbance": {"theta_force": size}})
+        ),
+        ("Pendulum", {**DOWN, **ANGLE, "disturbance": {"theta_force": 1e300}}, "disturbance of theta_force = 1e+300"),
         ("PlanarCat", {"at": {}, "measured": "com_x", "noise": {"com_x": 1}}, "com_x depends on com_x"),
     ],
 )

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Real
 from typing import Any, TypeAlias, final
 
 import casadi as ca
@@ -73,8 +74,13 @@ class Task:
                 words = f"give (low, high), low < high, as far as {most:.2g}"
                 raise InvalidValueError(f"range of {name} = {shown(pair)}: {words}")
         check_positive("step_size", self.step_size)
-        if not self.stop_time > self.step_size:
-            raise InvalidValueError(f"stop_time = {self.stop_time!r}: must be greater than step_size")
+        if not isinstance(self.stop_time, Real) or not self.stop_time > self.step_size:
+            raise InvalidValueError(f"stop_time = {shown(self.stop_time)}: must be greater than step_size")
+        for label in ("reward", "stop"):
+            if not isinstance(text := getattr(self, label), str):
+                raise InvalidValueError(f"{label} = {shown(text)}: give a formula as text")
+        for label in ("start_values", "goal"):
+            name_dictionary(label, getattr(self, label))
         check_choice("render_mode", self.render_mode or "rgb_array", ["rgb_array"])
         if len({port[0] for port in self.act_ports}) < len(self.act):
             raise InvalidValueError(f"act = {shown(self.act)}: a coordinate is moved twice; leave one out")

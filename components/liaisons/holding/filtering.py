@@ -28,6 +28,10 @@ _DRIFT_RADIANS = 100
 """Radians of the free motion in which biases and unknown forces drift by their standard deviations."""
 _START_PART = 0.1
 """Standard deviations of states at the start of a plan, relative to sizes, unless given."""
+_OFF, _ROUNDING = 1e-6, 1e-11
+"""What Riccati's equation may be off by, relative to the covariance that a period adds, and to the solution."""
+_LARGEST = 1e100
+"""Numbers below it have squares."""
 _CIRCLE = 1e-6
 """Multipliers nearer to the unit circle are on it."""
 
@@ -175,6 +179,8 @@ class EstimationModel:
         :raises PlanError: if a state is not observable, or its estimate would not be corrected in the long run.
         """
         (F, Q, C), D = self.start_matrices(), self.tangents(self.start, self.sampled.sigma)
+        if not all(np.all(np.abs(matrix) < _LARGEST) for matrix in (F, Q, C)):
+            raise self._imprecise_error()
         A, Q, C = D.T @ F @ D, D.T @ Q @ D, C @ D
         generator = (A - np.eye(len(A))) * (self.sampled.time / self.period)
         seen, hidden = reachable_subspace(generator.T, C.T / (np.linalg.norm(C) or 1.0))
@@ -190,7 +196,22 @@ class EstimationModel:
                 f"{self.sampled.name}: no disturbance changes {texts}, whose estimate would not be corrected in the "
                 f"long run; random forces act on {', '.join(self.sampled.free_inputs) or 'no port'}"
             )
-        return D @ solve_discrete_are(A.T, C.T, Q, np.eye(len(C))) @ D.T
+        try:
+            P = solve_discrete_are(A.T, C.T, Q, np.eye(len(C)))
+            gain = np.linalg.solve(np.eye(len(C)) + C @ P @ C.T, C @ P)
+        except np.linalg.LinAlgError:
+            raise self._imprecise_error() from None
+        off = A @ (P - gain.T @ (C @ P)) @ A.T + Q - P
+        if not np.linalg.norm(off) <= _OFF * np.linalg.norm(Q) + _ROUNDING * np.linalg.norm(P):
+            raise self._imprecise_error()
+        return D @ P @ D.T
+
+    def _imprecise_error(self) -> PlanError:
+        """Error of deviations that are too far apart for a filter in double precision."""
+        chosen = {"noise": self.uncertainty.noise, "disturbance": self.uncertainty.disturbance}
+        values = ", ".join(f"{kind} of {name} = {x:g}" for kind, group in chosen.items() for name, x in group.items())
+        words = f"{values} every {self.period:g} s: Riccati's equation has no solution in 16 digits"
+        return PlanError(f"{self.sampled.name}: {words}; give standard deviations that are less far apart")
 
     def refuse_unobservable(self, matrix: Array, directions: Array) -> None:
         """Raise an error if a matrix maps some of the directions to 0; it names them.

@@ -196,12 +196,14 @@ def _hold_at_rest(
     Q = (D.T * weights) @ D
     constant = _constant_directions([(A, B)])
     steps_per_time = sampled.time / step_size
-    V, U = reachable_subspace((A - np.eye(len(A))) * steps_per_time, B * steps_per_time)
+    is_reached = np.all(np.abs(A) < 1 / RANK)  # else no direction stands out from rounding
+    V, U = reachable_subspace((A - np.eye(len(A))) * steps_per_time, B * steps_per_time) if is_reached else (A, A)
     R = effort * np.eye(B.shape[1])
     K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = discrete_lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
-    if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
+        if is_reached and V.size:
+            K = discrete_lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
+    if not (is_reached and _perturbed_radius(V.T @ (A - B @ K) @ V) < 1):
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {step_size:g} s hardly reach all "
             "that falls; Riccati's equation has no solution in 16 digits"

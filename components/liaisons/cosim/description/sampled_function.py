@@ -17,7 +17,7 @@ from liaisons.base.folders import process_folder
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.terminals import Terminals
 from liaisons.cosim.description.variables import Scalar, Variables
-from liaisons.errors import InvalidValueError
+from liaisons.errors import InvalidValueError, one_line
 
 TIME = "time"
 """Name by which the instant of a sample is read."""
@@ -132,4 +132,9 @@ def sampled(
     for name, count in Counter(map(variable_name, (*reads, *writes))).items():
         if count > 1:
             raise InvalidValueError(f"{label}: two variables would be called {name!r}: name them, and connect them")
-    return SampledFunction(function, float(period), tuple(reads), tuple(writes), deepcopy(state), float(delay))
+    try:
+        own = deepcopy(state)
+    except Exception as error:  # of any class, whose own it is
+        words = f"cannot be copied ({one_line(str(error))}), so that no run could return to it; give numbers or arrays"
+        raise InvalidValueError(f"{label}: state = {shown(state)} {words}") from error
+    return SampledFunction(function, float(period), tuple(reads), tuple(writes), own, float(delay))

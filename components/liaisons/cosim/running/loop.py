@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from ctypes import byref, c_size_t, c_ssize_t, c_void_p
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any, final
@@ -25,6 +26,58 @@ from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
 """Tolerance for the end of a step, relative to its size."""
+
+
+@final
+@dataclass(eq=False)
+class _Piece:
+    """Points between two saved states, which later states share; its arrays are None while the loop has them."""
+
+    before: _Piece | None = None
+    end: int = 0
+    arrays: Sequence[Any] | None = None
+
+    @property
+    def span(self) -> slice:
+        """Indices of its points."""
+        return slice(self.before.end if self.before else 0, self.end)
+
+
+@final
+class _History:
+    """Saved points of a loop, piece by piece: a tree, of which one branch is in the arrays of the loop.
+
+    To save costs nothing for points that are saved already; points are copied when others take their place.
+    """
+
+    def __init__(self) -> None:
+        self._latest = _Piece()
+
+    def save(self, end: int) -> _Piece:
+        """The points before an index."""
+        if end > self._latest.end:
+            self._latest = _Piece(self._latest, end)
+        return self._latest
+
+    def truncate(self, end: int, arrays: Sequence[NDArray[Any]]) -> None:
+        """Copy what was saved from an index on: it may change in the arrays."""
+        while self._latest.before and self._latest.end > end:
+            self._latest.arrays = [array[self._latest.span].copy() for array in arrays]
+            self._latest = self._latest.before
+
+    def restore(self, piece: _Piece, arrays: Sequence[NDArray[Any]]) -> None:
+        """Put saved points back into the arrays."""
+        copied: list[_Piece] = []
+        branch: _Piece | None = piece
+        while branch and branch.arrays is not None:
+            copied.append(branch)
+            branch = branch.before
+        self.truncate(branch.end if branch else 0, arrays)
+        for one in reversed(copied):
+            for array, values in zip(arrays, one.arrays or (), strict=True):
+                array[one.span] = values
+            one.arrays = None
+        self._latest = piece
 
 
 @final
@@ -45,6 +98,7 @@ class Loop:
         self.after_break = np.zeros(capacity, dtype=bool)
         self._calls, self._bus = calls, bus
         self._addresses = self.times.ctypes.data, self.rows.ctypes.data  # looked up once, since that takes 1 µs
+        self._history = _History()
         self._compiled: Callable[..., int] | None = None
         if (library := compiled.step_library()) is not None:
             records = [call.compiled_record() for call in calls]
@@ -88,21 +142,24 @@ class Loop:
 
     def truncate(self, points: int) -> None:
         """Remove all points but the first ones."""
+        self._history.truncate(points - 1, self._arrays)
         self.after_break[points : self.done] = False
         self.done = points
 
-    def save(self) -> list[Any]:
-        """Copies of all points, for :meth:`restore`."""
-        return [array[: self.done].copy() for array in self._arrays]
+    def save(self) -> tuple[_Piece, list[Any]]:
+        """All points, for :meth:`restore`; states share them but for the last one, the only one that may change."""
+        last = self.done - 1
+        return self._history.save(last), [array[last : self.done].copy() for array in self._arrays]
 
-    def restore(self, saved: Sequence[Any]) -> None:
+    def restore(self, saved: tuple[_Piece, Sequence[Any]]) -> None:
         """Replace all points by saved ones."""
-        self.truncate(0)
-        points = len(saved[0])
-        self._make_room(points)
-        for array, values in zip(self._arrays, saved, strict=True):
-            array[:points] = values
-        self.done = points
+        piece, ends = saved
+        self._make_room(piece.end + 1 - self.done)
+        self._history.restore(piece, self._arrays)
+        for array, end in zip(self._arrays, ends, strict=True):
+            array[piece.end : piece.end + 1] = end
+        self.after_break[piece.end + 1 : self.done] = False
+        self.done = piece.end + 1
 
     @property
     def _arrays(self) -> tuple[NDArray[Any], ...]:

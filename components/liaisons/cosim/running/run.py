@@ -12,7 +12,7 @@ import gc
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, sleep
@@ -22,7 +22,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import check_positive
+from liaisons.base.arguments import check_positive, float_array, merged_start_values, name_dictionary, name_list, shown
 from liaisons.base.folders import temporary_folder
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
@@ -173,7 +173,7 @@ class Run:
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
-            self._closed = False
+            self._closed = self._lost = False  # closed; without a state of the FMUs
             self.lateness: list[float] = []
             self._restores: Sequence[Call] = []
             if self.repeats:
@@ -303,6 +303,7 @@ class Run:
     @property
     def time(self) -> float:
         """The communication point that was reached last [s]."""
+        self._require_state()
         return self._loop.time
 
     def step(self, inputs: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
@@ -313,7 +314,10 @@ class Run:
         :raises SimulationError: for an unknown input, one that has a source, a value that it cannot have, and a run
             that is closed or at its end; :class:`IncompleteError`, with the result so far, if an FMU refuses the step.
         """
-        values = {**(inputs or {}), **keywords}
+        try:
+            values = {**(inputs or {}), **keywords}
+        except TypeError:
+            values = name_dictionary("inputs", inputs)  # says what is wrong
         self._set_and_step([self._free_input(name) for name in values], values.values())
 
     def stepper(self, inputs: Sequence[str], outputs: Sequence[str]) -> Callable[[ArrayLike], Vector]:
@@ -324,14 +328,21 @@ class Run:
         :returns: function of the inputs, shape (inputs,), that steps and returns the outputs, shape (outputs,).
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
+        inputs, outputs = name_list("inputs", inputs), name_list("outputs", outputs)
         free = [self._free_input(name) for name in inputs]
         columns = [self._bus.index.get(self._reference(name)) for name in outputs]
         if None in columns:
             self._refuse(f"{outputs[columns.index(None)]} is not recorded; name it in record=[...]")
-        indices = as_indices(columns)
+        indices, shape = as_indices(columns), (len(free),)
 
         def step(values: ArrayLike) -> Vector:
-            self._set_and_step(free, np.asarray(values).tolist())
+            try:
+                numbers = np.asarray(values)
+            except ValueError:  # of several lengths
+                numbers = float_array("inputs", values)
+            if numbers.shape != shape:
+                self._refuse(f"inputs = {shown(values)}: give one number for each of {inputs}")
+            self._set_and_step(free, numbers.tolist())
             return self._bus.values[indices]
 
         return step
@@ -384,6 +395,8 @@ class Run:
         """Component and variable of a name in the result or in the system."""
         simulation = self._simulation
         title, parts = simulation.title, simulation.parts
+        if not isinstance(name, str):
+            self._refuse(f"variables go by name, {shown(name)} is none")
         return simulation.recorded.get(name) or variable_reference(
             title, parts, "variable", name, single=simulation.single
         )
@@ -402,7 +415,7 @@ class Run:
         :raises SimulationError: for an unknown name, and after the run was closed.
         """
         self._require_open()
-        if name not in self._readings:
+        if not isinstance(name, str) or name not in self._readings:
             self._readings[name] = self._prepare_reading(name)
         calls, values, convert = self._readings[name]
         self._bus.perform(calls)
@@ -422,9 +435,20 @@ class Run:
             return calls, values, lambda values: text(values[0]).decode(errors="replace")
         return calls, values, lambda values: float(values[0]) if shape is None else values.reshape(shape).copy()
 
-    def _require_open(self) -> None:
+    def _require_unclosed(self) -> None:
         if self._closed:
             self._refuse("the run is closed; start another one")
+
+    def _require_state(self) -> None:
+        if self._lost:
+            self._refuse("it has no state, since a start was refused: reset it again")
+
+    def _require_open(self) -> None:
+        self._require_unclosed()
+        self._require_state()
+
+    def __reduce__(self) -> NoReturn:
+        self._refuse("a run has FMUs in memory, and cannot be copied or pickled; pickle its result")
 
     def _refuse(self, words: str) -> NoReturn:
         raise SimulationError(f"{self._simulation.title}: {words}")
@@ -434,6 +458,7 @@ class Run:
 
         :raises SimulationError: if an FMU cannot return to a state.
         """
+        self._require_open()
         self._require_states()
         calls = self._unused_states.pop() if self._unused_states else state_calls(self._instances)
         go_back = save_state(self._bus, calls, [self._loop, *self._state_owners])
@@ -447,10 +472,13 @@ class Run:
 
         :raises SimulationError: for the state of another run.
         """
-        self._require_open()
-        if state.run is not self:
-            self._refuse(f"{state!r} is of another run; restore what its own save() has returned")
+        self._require_unclosed()
+        if not isinstance(state, RunState) or state.run is not self:
+            words = "is of another run" if isinstance(state, RunState) else "is no state of a run"
+            self._refuse(f"{shown(state)} {words}; restore what its own save() has returned")
+        self._lost = True
         state.go_back()
+        self._lost = False
         self._bus.set_step(state.time, state.time)
         for name, free in self._free_inputs.items():
             free.values[:] = state.inputs.get(name, np.nan)
@@ -460,13 +488,27 @@ class Run:
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, without instantiating the FMUs again.
 
+        What is refused leaves the run in the state that it had, if the FMUs can return to it; else without one.
+
         :param start_values: where they differ from those that the run was made with; of a system by
             ``"component.variable"``.  ``keywords`` are further ones.
         :raises SimulationError: for an unknown name, a value that cannot be set, or an FMU that cannot go back.
         """
+        simulation = self._simulation
+        starts = merged_start_values(simulation.title, start_values, keywords)
         self._require_states()
-        simulation, starts = self._simulation, {**(start_values or {}), **keywords}
-        self.start(with_start_values(simulation.title, simulation.parts, starts, single=simulation.single))
+        parts = with_start_values(simulation.title, simulation.parts, starts, single=simulation.single)
+        before, end, errors = None if self._lost else self.save(), self._end, self._errors
+        self._lost = True
+        try:
+            self.start(parts)
+        except BaseException:
+            if before is not None:
+                with suppress(SimulationError):
+                    self.restore(before)
+                    self._end, self._errors = end, errors
+            raise
+        self._lost = False
 
     def linearize(self) -> Linearization:
         """The linear system that deviations from the present point follow; its outputs are those that are recorded.
@@ -481,7 +523,7 @@ class Run:
         return linearization(self._simulation, self._instances, self.time, values)
 
     def _require_states(self) -> None:
-        self._require_open()
+        self._require_unclosed()
         for name, part in self._simulation.parts.items():
             if not part.fmu.can_get_and_set_state:
                 words = f"{name} ({part.fmu.path.name}) cannot go back: its canGetAndSetFMUstate is false"
@@ -630,6 +672,7 @@ class Run:
     @property
     def result(self) -> Result:
         """The result so far, with all warnings."""
+        self._require_state()
         with collected_warnings() as last:
             result = self.conclude()
         return add_warnings(result, (*self._warnings.texts, *last.texts))
