@@ -13,12 +13,15 @@ from liaisons import (
     Gravity,
     Mechanism,
     Parameter,
+    constraint,
     dry_friction,
     non_holonomic,
     unilateral,
 )
-from liaisons.language import Size
+from liaisons.language import Size, unchecked
 from liaisons.models import BallRow
+
+NUMBERS = "made of bare numbers, in SI units"
 
 
 class Sledge(Mechanism):
@@ -352,3 +355,35 @@ class Skate(Mechanism):
 
     def potential_energy(self) -> ca.SX:
         return -self.mass * self.gravity * self.x
+
+
+class Bead(Mechanism):
+    """A bead on a circle in a plane."""
+
+    x = Coordinate("m", "in the plane", start=1.0)
+    y = Coordinate("m", "out of the plane")
+    z = Coordinate("m", "in the plane", start_rate=1.0)
+
+    @constraint("m", "out of the plane")
+    def plane(self) -> ca.SX:
+        return self.y
+
+    @constraint("m2", "circle", unchecked=NUMBERS)
+    def circle(self) -> ca.SX:
+        return self.x**2 + self.z**2 - 1
+
+    @unchecked(NUMBERS)
+    def kinetic_energy(self) -> ca.SX:
+        return self.speed_squared({"x": self.x, "y": self.y, "z": self.z}) / 2
+
+    @unchecked(NUMBERS)
+    def potential_energy(self) -> ca.SX:
+        return 9.81 * self.z + 2.0 * self.y
+
+
+class TwiceHeldBead(Bead):
+    """The same bead with the circle stated once more, as a sphere that cuts the plane."""
+
+    @constraint("m2", "sphere", unchecked=NUMBERS)
+    def sphere(self) -> ca.SX:
+        return self.x**2 + self.y**2 + self.z**2 - 1

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from bodies import TwiceHeldBead
 from driver import DISCARD, MODEL_EXCHANGE, Instance, reals
 from handmade import breathing_inputs
 from numpy.typing import NDArray
@@ -131,3 +132,63 @@ def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:
     message = "v = nan: set a finite number"
     instance.refuse(message, "SetContinuousStates", reals([1.0, np.nan]), 2, status=DISCARD)
     np.testing.assert_array_equal(instance.vector("GetContinuousStates", 2), [0.0, 0.0])
+
+
+# ---- redundant constraints: a bead in a plane, on a cylinder and on a sphere -------------------------------------
+
+FORCES = ("lambda_plane", "lambda_circle", "lambda_sphere")
+STATES = ("x", "y", "z", "p_x", "p_y", "p_z")
+AT, CLOCKWISE = np.array([0.6, 0.0, 0.8]), np.array([0.8, 0.0, -0.6])
+
+
+def shared(angle: float, speed: float) -> NDArray:
+    """The plane bears 2 N; cylinder and sphere share 9.81 z - v² to the centre by their gradients."""
+    whole = (9.81 * np.sin(angle) - speed**2) / 2
+    return np.array([2.0, whole * 16 / 28, whole * 12 / 28])
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-8, 1e-6, 1e-4, 1e-2])
+def test_redundant_constraints_share_their_force_however_far_states_are_off(library, off: float) -> None:
+    instance = library(TwiceHeldBead).running()
+    y = np.concatenate([AT, 3 * CLOCKWISE, [0, 0]])
+    y[:6] += off * np.random.default_rng(1).uniform(-1, 1, 6)
+    rates(instance, 0.0, y)
+    # As far along the circle as away from it: 9.81/2 N and v = 3 m/s times that.  Rounding of forces over 1e-10 of 16.
+    np.testing.assert_allclose(instance.get(*FORCES), shared(np.arctan2(0.8, 0.6), 3.0), rtol=0, atol=2e-5 + 15 * off)
+    np.testing.assert_array_equal(instance.get(*STATES), y[:6])
+    np.testing.assert_allclose(instance.get("circle_residual", "sphere_residual"), 0, rtol=0, atol=1e-15)
+
+
+def test_states_off_redundant_constraints_return_to_them(library) -> None:
+    """At a rate of 20/s, across the circle."""
+    instance = library(TwiceHeldBead).running()
+    y = np.concatenate([1.001 * AT, 3 * CLOCKWISE, [0, 0]])
+    off = rates(instance, 0.0, y)[:3] - 3 * CLOCKWISE
+    np.testing.assert_allclose(off, -20 * 0.001 * AT, rtol=0, atol=20 * 0.001**2)
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-3])
+def test_derivatives_of_what_is_calculated_on_redundant_constraints(library, off: float) -> None:
+    """Directional ones against differences, adjoint ones against these."""
+    instance = library(TwiceHeldBead, "fmi3").running()
+    random = np.random.default_rng(2)
+    y = np.concatenate([AT, 3 * CLOCKWISE, [0.1, 0.2]])
+    y += off * random.uniform(-1, 1, 8)
+    rates(instance, 0.0, y)
+    unknowns, knowns = ("x_dot", "z_dot", "p_x_dot", "p_z_dot", "lambda_circle", "energy", "work"), (*STATES, "z_force")
+    weights, direction = random.normal(size=len(unknowns)), random.normal(size=len(knowns))
+    found = instance.directional(unknowns, dict(zip(knowns, direction, strict=True)))
+    back = instance.adjoint(dict(zip(unknowns, weights, strict=True)), knowns)
+
+    def moved(h: float) -> NDArray:
+        instance.set(z_force=h * direction[-1])
+        rates(instance, 0.0, y + h * np.append(direction[:-1], [0, 0]))
+        return instance.get(*unknowns)
+
+    h = 1e-4
+    differences = (8 * (moved(h) - moved(-h)) - moved(2 * h) + moved(-2 * h)) / (12 * h)
+    # Rounding over h, of how a force is shared over 1e-10 of 16 as well; the next order is h⁴ times 100.
+    allowed = [1e-2 if name in FORCES else 1e-9 for name in unknowns]
+    np.testing.assert_array_less(np.abs(found - differences), allowed)
+    # Rounding over 1e-10 of 16.
+    assert weights @ found == pytest.approx(back @ direction, rel=1e-6)

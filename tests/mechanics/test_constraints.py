@@ -9,7 +9,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 import pytest
-from bodies import Skate
+from bodies import Bead, Skate, TwiceHeldBead
 from numpy.typing import NDArray
 
 from liaisons.check import max_error
@@ -268,38 +268,6 @@ def test_a_start_that_breaks_a_constraint_is_refused_with_its_name_and_residual(
 
 
 # ---- constraints that say the same ------------------------------------------------------------------------------
-
-
-class Bead(Mechanism):
-    """A bead on a circle in a plane."""
-
-    x = Coordinate("m", "in the plane", start=1.0)
-    y = Coordinate("m", "out of the plane")
-    z = Coordinate("m", "in the plane", start_rate=1.0)
-
-    @constraint("m", "out of the plane")
-    def plane(self) -> ca.SX:
-        return self.y
-
-    @constraint("m2", "circle", unchecked=NUMBERS)
-    def circle(self) -> ca.SX:
-        return self.x**2 + self.z**2 - 1
-
-    @unchecked(NUMBERS)
-    def kinetic_energy(self) -> ca.SX:
-        return self.speed_squared({"x": self.x, "y": self.y, "z": self.z}) / 2
-
-    @unchecked(NUMBERS)
-    def potential_energy(self) -> ca.SX:
-        return 9.81 * self.z + 2.0 * self.y
-
-
-class TwiceHeldBead(Bead):
-    """The same bead with the circle stated once more, as a sphere that cuts the plane."""
-
-    @constraint("m2", "sphere", unchecked=NUMBERS)
-    def sphere(self) -> ca.SX:
-        return self.x**2 + self.y**2 + self.z**2 - 1
 
 
 def test_redundant_constraints_change_no_motion_and_share_their_force(number) -> None:

@@ -297,7 +297,7 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
     """
     functions = {}
     forward = direction == "forward"
-    for name in DIFFERENTIATED:
+    for name in (*DIFFERENTIATED, *["project"] * bool(model.redundant)):
         signature = SIGNATURES[name]
         argument_vectors, function = signature.arguments, getattr(model, name)
         if model.table and name == "outputs_function":
@@ -348,6 +348,7 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "memory": model.start.numel_out(1),
         "events": 1 if model.table and model.table.has_events else model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
+        "redundant": model.redundant,
         "columns": model.table.columns if model.table else 0,
         "drawn": scalar_count(model.drawn),
         "variable_rows": len(model.variables),  # without the time

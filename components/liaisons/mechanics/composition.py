@@ -68,6 +68,7 @@ def compose(
         documentation=_documentation(models, connections),
         **joined.functions(layout),
         start_only=sum(part.start_only for part in parts),
+        redundant=sum(part.redundant for part in parts),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_prefixed_equations(models, connections)),
     )

@@ -10,10 +10,16 @@ import casadi as ca
 
 from liaisons.expressions.algebra import at_zero, stack
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.inertia import Inertia
+from liaisons.mechanics.inertia import NEGLIGIBLE, Inertia
 
 STABILISATION = 10.0
 """Decay rate of residuals [1/s] (Baumgarte), which keeps model exchange on the constraints."""
+
+DOUBTFUL = 30.0
+"""Relative residuals up to which a singular value of the constraints may be an error that they make."""
+
+_LARGEST_DOUBT = 1e-3
+"""Square of a singular value that is relied on however large residuals are."""
 
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
@@ -147,6 +153,10 @@ def _projected_coordinates(m: Mechanism, metric: Inertia, constraints: Constrain
     if rows:
         C = constraints.matrix[rows, :]
         residuals, squares = constraints.residuals[rows, 0], constraints.squares[rows, :]
+        # Off the constraints by a relative δ redundant ones have singular values of order δ, which say nothing.
+        if len(rows) > 1:
+            off = ca.sumsqr(residuals / ca.sqrt(squares @ m.free.rate_sizes**2))
+            squares *= 1 + ca.fmin(DOUBTFUL**2 * off, _LARGEST_DOUBT) / NEGLIGIBLE
         away, _ = metric.solve_constrained(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
         step = _with_normalized_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):

@@ -3,15 +3,17 @@
 from collections.abc import Mapping
 from functools import cache
 from itertools import accumulate
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import casadi as ca
+import numpy as np
 
 from liaisons.base.array_names import suffixed_name
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
+from liaisons.mechanics.constraints import ROUNDS
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
@@ -23,6 +25,10 @@ from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contact
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
+
+_STATES, _NEARBY, _RANK = 3, 0.01, 1e-6
+"""States at which redundant constraints are looked for, their distance from the start in nominal values, and singular
+values that are 0, where rows of the constraints' matrix are of order 1."""
 
 _PRINTED = 200
 """Operations of the Lagrangian of a linkage from which on its equations are written frame by frame."""
@@ -78,15 +84,44 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     results |= {"conditions": distances, "events": ca.SX(0, 1)}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
     texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
-    modes = ContactModes(contacts, vectors, results, numbers, flat, memory, texts)
+    functions = ContactModes(contacts, vectors, results, numbers, flat, memory, texts).functions()
+    starts = [[variable.start for variable in group] for group in (flat.inputs, flat.parameters)]
     return Model(
         **declared_fields(m),
-        **modes.functions(),
+        **functions,
         start_only=len(at_start),
+        redundant=_count_redundant(equations, [vectors[letter] for letter in "tyuk"], functions, starts),
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
     )
+
+
+def _count_redundant(
+    equations: Equations, point: list[ca.SX], functions: Mapping[str, ca.Function], starts: list[list[Any]]
+) -> int:
+    """Count of constraints that follow from the others wherever all of them hold, by their rank near the start.
+
+    :param point: symbols (t, y, u, k).
+    :param starts: of u and k.
+    """
+    constraints, sizes = equations.constraints, equations.mechanism.free.rate_sizes
+    count = constraints.matrix.shape[0]
+    if count < 2:
+        return 0
+    scaled = ca.diag(1 / ca.sqrt(constraints.squares @ sizes**2)) @ constraints.matrix @ ca.diag(sizes)
+    both = [ca.densify(equations.in_phase_space(x)) for x in (scaled, constraints.residuals)]
+    kept = ca.Function("kept", point, both)
+    start, moved = np.array(functions["start"](0, *starts)[0]), np.random.default_rng(0)
+    ranks = []
+    for _ in range(_STATES):
+        y = start + _NEARBY * np.array(functions["nominals"](0, start, *starts)) * moved.uniform(-1, 1, start.shape)
+        for _ in range(ROUNDS):
+            y = functions["project"](0, y, *starts)
+        rows, residuals = map(np.array, kept(0, y, *starts))
+        if np.abs(residuals).max() < CONSISTENT:
+            ranks.append(np.linalg.matrix_rank(rows, _RANK))
+    return count - max(ranks, default=count)
 
 
 def _is_printed_by_frames(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:

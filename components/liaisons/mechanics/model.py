@@ -133,6 +133,7 @@ class Model(Layout):
     events: ca.Function
     project: ca.Function | None = None
     start_only: int = 0  # count of the last conditions, which hold at the start alone
+    redundant: int = 0  # count of constraints that follow from the others on all of them
     module: str = ""  # where the component is declared
     ports: tuple[Terminal, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)

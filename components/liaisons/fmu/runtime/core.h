@@ -102,6 +102,7 @@ typedef struct {
     size_t parameters, inputs, outputs, states, memory, events; /* numbers */
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* of the motion, and of the start: these and more */
+    size_t redundant; /* so many constraints follow from the others: in model exchange all is calculated on them */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
@@ -124,10 +125,10 @@ typedef struct {
     Function *draw;          /* (t, y, u, k) -> the last numbers of z; or NULL */
     Function *distances;     /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
     Function *instants;      /* (k, t) -> when the component is not smooth; at least the first instant after t */
-    /* directional derivatives: arguments, results, directions -> derivatives of the results */
-    Function *start_forward, *calculate_forward, *remember_forward;
+    /* directional derivatives: arguments, results, directions -> derivatives of the results; project: where constraints are redundant */
+    Function *start_forward, *calculate_forward, *remember_forward, *project_forward;
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
-    Function *start_reverse, *calculate_reverse, *remember_reverse;
+    Function *start_reverse, *calculate_reverse, *remember_reverse, *project_reverse;
     size_t most_arguments, most_results, integers, reals; /* work space of any of them */
     size_t gaps, frictions, operators, indicators; /* an indicator for each gap and dry friction; 0: no contacts */
     const Gap *gap;

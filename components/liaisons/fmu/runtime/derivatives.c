@@ -10,6 +10,11 @@
     (memcpy(self->call.arguments, arguments, sizeof arguments), memcpy(self->call.results, results, sizeof results), \
      function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0))
 
+/* The states that a projection began with, or the last one ended with. */
+static const double *projected_from(const Instance *self, size_t i) {
+    return i == 0 ? self->v.y : self->scratch.kept + (i - 1) * self->model->states;
+}
+
 /* Directional derivatives of y, m and z; at initialization y and m follow from u and k. With `remembering`, m follows
  * the motion. */
 static void forward(Instance *self, int remembering) {
@@ -17,26 +22,52 @@ static void forward(Instance *self, int remembering) {
     const Vectors *v = &self->v;
     Directions *d = &self->d;
     core_update(self);
-    const double t = before_limit(self, self->s->time);
+    const double t = before_limit(self, self->s->time), *y = core_kept_states(self), *dy = d->y;
+    for (size_t i = 0; i < self->scratch.projections; i++) {
+        const double *from = projected_from(self, i), *to = projected_from(self, i + 1);
+        const double *arguments[] = {&t, from, v->u, v->k, to, &d->t, dy, d->u, d->k};
+        double *results[] = {self->scratch.work + i * model->states};
+        CALL(model->project_forward, arguments, results);
+        dy = results[0];
+    }
     if (self->s->phase < EVENT) {
         const double *arguments[] = {&t, v->u, v->k, v->y, v->m, &d->t, d->u, d->k};
         double *results[] = {d->y, d->m};
         CALL(model->start_forward, arguments, results);
     } else if (remembering) {
-        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->m, &d->t, d->y, d->u, d->k, self->e.m};
+        const double *arguments[] = {&t, y, v->u, v->k, v->m, v->m, &d->t, dy, d->u, d->k, self->e.m};
         double *results[] = {d->m};
         memset(self->e.m, 0, model->memory * sizeof *self->e.m); /* what is remembered is forgotten */
         CALL(model->remember_forward, arguments, results);
     } else {
         memset(d->m, 0, model->memory * sizeof *d->m);
     }
-    const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->z, &d->t, d->y, d->u, d->k, d->m};
+    const double *arguments[] = {&t, y, v->u, v->k, v->m, v->z, &d->t, dy, d->u, d->k, d->m};
     double *results[] = {d->z};
     CALL(model->calculate_forward, arguments, results);
+    if (y != v->y) core_correct_states(self, d->z, d->y, dy);
 }
 
 static void add(double *sum, const double *more, size_t n) {
     for (size_t i = 0; i < n; i++) sum[i] += more[i];
+}
+
+/* Take the weights of states and of their returns out of those of z: of the states, and of the kept ones. */
+static void divide_weights(const Model *model, double z[], double y[], double kept[]) {
+    const size_t first = model->parameters + model->inputs;
+    for (size_t i = 0; i < model->states; i++) {
+        double *own = &z[core_index_of_state(model, i, 0) - first];
+        kept[i] = RETURN * z[core_index_of_state(model, i, 1) - first];
+        y[i] = *own - kept[i];
+        *own = 0;
+    }
+}
+
+/* Add weights e of t, u, k to d. */
+static void add_weights(Instance *self) {
+    self->d.t += self->e.t;
+    add(self->d.u, self->e.u, self->model->inputs);
+    add(self->d.k, self->e.k, self->model->parameters);
 }
 
 /* Adjoint derivatives: weights of z become those of t, y, u, k. */
@@ -45,9 +76,11 @@ static void backward(Instance *self, int remembering) {
     const Vectors *v = &self->v;
     Directions *d = &self->d, *e = &self->e;
     core_update(self);
-    const double t = before_limit(self, self->s->time);
+    const double t = before_limit(self, self->s->time), *y = core_kept_states(self);
+    double *own = self->scratch.work, *kept = own + model->states;
+    if (y != v->y) divide_weights(model, d->z, own, kept);
     {
-        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->z, d->z};
+        const double *arguments[] = {&t, y, v->u, v->k, v->m, v->z, d->z};
         double *results[] = {&d->t, d->y, d->u, d->k, d->m};
         CALL(model->calculate_reverse, arguments, results);
     }
@@ -56,16 +89,22 @@ static void backward(Instance *self, int remembering) {
         double *results[] = {&e->t, e->u, e->k};
         CALL(model->start_reverse, arguments, results);
     } else if (remembering) {
-        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->m, d->m};
+        const double *arguments[] = {&t, y, v->u, v->k, v->m, v->m, d->m};
         double *results[] = {&e->t, e->y, e->u, e->k, e->m};
         CALL(model->remember_reverse, arguments, results);
         add(d->y, e->y, model->states);
-    } else {
-        return;
     }
-    d->t += e->t;
-    add(d->u, e->u, model->inputs);
-    add(d->k, e->k, model->parameters);
+    if (self->s->phase < EVENT || remembering) add_weights(self);
+    if (y == v->y) return;
+    add(d->y, kept, model->states);
+    for (size_t i = self->scratch.projections; i-- > 0;) {
+        const double *arguments[] = {&t, projected_from(self, i), v->u, v->k, projected_from(self, i + 1), d->y};
+        double *results[] = {&e->t, e->y, e->u, e->k};
+        CALL(model->project_reverse, arguments, results);
+        add_weights(self);
+        memcpy(d->y, e->y, model->states * sizeof *d->y);
+    }
+    add(d->y, own, model->states);
 }
 
 /* ---- known and unknown variables --------------------------------------------------------------------------- */

@@ -32,7 +32,9 @@ Status core_get_states(Instance *self, double y[]) {
 Status core_get_derivatives(Instance *self, double f[]) {
     const double t = self->s->time;
     core_start(self);
-    evaluate(self, derivatives_of(self->model), t, self->v.y, self->d.y);
+    const double *kept = core_kept_states(self);
+    evaluate(self, derivatives_of(self->model), t, kept, self->d.y);
+    for (size_t i = 0; i < self->model->states && kept != self->v.y; i++) self->d.y[i] += RETURN * (kept[i] - self->v.y[i]);
     if (!core_check_domains(self, t) || !core_check_conditions(self, t, self->v.y, self->model->conditions)
         || !core_check_finite(self, self->d.y, 1, t))
         return core_report(self, DISCARD, "%s", self->words.text);

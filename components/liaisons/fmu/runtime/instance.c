@@ -64,6 +64,7 @@ static void lay_out(Instance *self) {
     self->d = cut_directions(&rest, model, model->outputs);
     self->e = cut_directions(&rest, model, 0);
     self->scratch.work = cut(&rest, columns_of_work(model) * model->states);
+    self->scratch.kept = cut(&rest, model->redundant > 0 ? MOST_PROJECTIONS * model->states : 0);
     self->scratch.condition = cut(&rest, model->start_conditions);
     self->scratch.instant = cut(&rest, model->events);
     self->call.reals = cut(&rest, model->reals);
@@ -76,7 +77,7 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
     const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled + model->impulses;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
-    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + columns_of_work(model) * n
+    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + (columns_of_work(model) + (model->redundant > 0 ? MOST_PROJECTIONS : 0)) * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs
                            + model->rows.count + model->operators + model->indicators;
     Instance *self = calloc(1, sizeof *self);
@@ -238,8 +239,26 @@ void core_start(Instance *self) {
     self->refused = !core_sample(self) || !core_settle(self, self->s->time);
 }
 
+/* Distance from the constraints, in sizes of the states, from which a projection leads onto them. */
+static const double NEAR = 1e-4;
+
+const double *core_kept_states(Instance *self) {
+    const size_t n = self->model->states;
+    const double *y = self->v.y;
+    self->scratch.projections = 0;
+    if (self->model->redundant == 0 || self->options.use != USE_MODEL_EXCHANGE || self->s->phase < EVENT) return y;
+    for (int far = 1; far && self->scratch.projections < MOST_PROJECTIONS; self->scratch.projections++) {
+        double *next = self->scratch.kept + self->scratch.projections * n;
+        evaluate(self, self->model->project, self->s->time, y, next);
+        far = 0;
+        for (size_t i = 0; i < n; i++) far |= fabs(next[i] - y[i]) > NEAR * self->v.size[i];
+        y = next;
+    }
+    return y;
+}
+
 int core_remember(Instance *self) {
-    evaluate(self, self->model->remember, self->s->time, self->v.y, self->d.m);
+    evaluate(self, self->model->remember, self->s->time, core_kept_states(self), self->d.m);
     if (!all_finite(self->d.m, self->model->memory)) return 0;
     memcpy(self->v.m, self->d.m, self->model->memory * sizeof *self->v.m);
     self->s->jumped = 0;
@@ -265,13 +284,24 @@ void core_jump(Instance *self) {
     self->s->jumped = 0;
 }
 
+void core_correct_states(Instance *self, double z[], const double y[], const double kept[]) {
+    const Model *model = self->model;
+    const size_t first = model->parameters + model->inputs;
+    for (size_t i = 0; i < model->states; i++) {
+        z[core_index_of_state(model, i, 0) - first] = y[i];
+        z[core_index_of_state(model, i, 1) - first] += RETURN * (kept[i] - y[i]);
+    }
+}
+
 void core_update(Instance *self) {
     if (self->known.current) return;
     core_start(self);
     if (self->s->phase == STEP) core_try_impulses(self);
     if (self->s->phase == STEP && self->s->jumped) core_sample(self); /* a sample uses inputs of its instant */
     if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
-    evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);
+    const double *kept = core_kept_states(self);
+    evaluate(self, self->model->calculate, self->s->time, kept, self->v.z);
+    if (kept != self->v.y) core_correct_states(self, self->v.z, self->v.y, kept);
     self->known.current = 1;
     self->known.drawn = 0;
 }

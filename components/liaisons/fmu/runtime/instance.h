@@ -120,6 +120,8 @@ typedef struct { /* directions along (t, y, u, k, m), what z does there, or weig
 
 typedef struct { /* scratch memory */
     double *work; /* of the solvers */
+    double *kept; /* states on their way to the constraints, as often as they were projected, MOST_PROJECTIONS at most */
+    size_t projections;
     double *condition, *instant;
 } Scratch;
 
@@ -236,6 +238,13 @@ void core_leap(Instance *);         /* move the states along with jumps */
 void core_jacobian(Instance *, double time, const double y[], double J[]);
 
 void core_start(Instance *);    /* y and m at initialization, if they do not yet follow from u and k */
+enum { MOST_PROJECTIONS = 4 };
+/* The states that all is calculated from: y; in model exchange with redundant constraints those on them next to y, which
+ * it follows. */
+const double *core_kept_states(Instance *);
+/* Replace what z, or a direction of it, has of the states and their derivatives, calculated from the kept ones. */
+void core_correct_states(Instance *, double z[], const double y[], const double kept[]);
+static const double RETURN = 20; /* rate at which y comes back to the kept ones [1/s] */
 void core_measure(Instance *);  /* sizes of y */
 void core_update(Instance *);   /* z at the present time, but for what only a picture needs */
 /* m; 0 if it would not be finite, which leaves it. */
