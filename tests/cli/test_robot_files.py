@@ -65,6 +65,18 @@ def test_limits_of_a_robots_joints_become_stops(runs: Runs, tmp_path: Path) -> N
     assert "slide_above" not in vars(*components(f"{file}:slide"))
 
 
+def test_inertia_is_balanced_if_requested(liaisons: Cli, tmp_path: Path) -> None:
+    inertia = '<mass value="2"/><inertia ixx="1" iyy="1" izz="4"/>'
+    (tmp_path / "odd.urdf").write_text(SLIDER.replace('<mass value="2"/>', inertia))
+    refused = liaisons("equations", "odd.urdf")
+    assert is_misuse(refused, "odd.urdf: line 3: Slider.block: inertia = ", "or --balance-inertia takes their mean")
+    balanced = liaisons("equations", "odd.urdf", "--balance-inertia")
+    assert balanced.status == 0, balanced.err
+    assert "left out: inertia of link 'block' as printed: its principal moments are balanced" in balanced.err
+    both = components(f"{tmp_path / 'odd.urdf'}:slide:limits:balance-inertia")[0]
+    assert (both.slide.maximum, both.block_inertia_zz.start) == (0.5, 2)
+
+
 def test_misuse(liaisons: Cli) -> None:
     assert is_misuse(liaisons("build", ROBOTS / "ur5.urdf", "--prescribe", "elbo"), "did you mean 'elbow'")
     assert is_misuse(

@@ -190,6 +190,7 @@ def test_what_is_left_out_is_named() -> None:
         "6 <collision>",
         "1 <mesh> of a picture",
         "6 limits of joints (limits=True or --limits makes stops of them)",
+        "effort, velocity of <limit>",
     }
     assert {"2 <motor> of <actuator>", "1 <jointpos> of <sensor>", "1 <light>"} < set(imported("panda.xml").left_out)
 
@@ -345,6 +346,13 @@ ARM = JOINT.format("j", "continuous", "a", "b", "")
     [
         ((*GOOD, JOINT.format("j", "revolute", "a", "c", "")), ["joint 'j'", "child 'c'", "did you mean|known"]),
         ((*GOOD, JOINT.format("j", "revolute", "", "b", "")), ["joint 'j'", "parent ''"]),
+        ((), ["<robot>", "it has no joint"]),
+        ((LINK.format("a", 1),), ["it has no joint"]),
+        (
+            (*GOOD, ARM, '<x:wheel xmlns:x="http://www.ros.org/wiki/xacro"/>'),
+            ["line 5: <wheel>", "expand it with xacro first"],
+        ),
+        ((*GOOD, ARM.replace('"continuous"', '"${kind}"')), ["line 4: <joint>", "expand it with xacro first"]),
         ((*GOOD, ARM, LINK.format("d", 1)), ["links", "'a', 'd'", "one is the root"]),
         ((*GOOD, ARM, JOINT.format("k", "fixed", "b", "a", "")), ["circle"]),
         (
@@ -360,7 +368,10 @@ ARM = JOINT.format("j", "continuous", "a", "b", "")
         ((GOOD[0], LINK.format("b", -1), ARM), ["b: mass = -1", ">= 0"]),
         ((GOOD[0], LINK.format("b", "nan"), ARM), ["link 'b'", "value = 'nan'", "finite"]),
         ((GOOD[0], LINK.format("b", "1e999"), ARM), ["link 'b'", "'1e999'", "finite"]),
-        ((GOOD[0], LINK.format("b", 1).replace('izz="1"', 'izz="5"'), ARM), ["b: inertia", "exceeds the sum"]),
+        (
+            (GOOD[0], LINK.format("b", 1).replace('izz="1"', 'izz="5"'), ARM),
+            ["line 3: r.b: inertia", "exceeds the sum", "balance_inertia=True"],
+        ),
         ((GOOD[0], LINK.format("b", 1).replace('izz="1"', 'izz="-1"'), ARM), ["b: inertia", ">= 0"]),
         (
             (*GOOD, JOINT.format("j", "revolute", "a", "b", '<axis xyz="0 0 0"/>')),
@@ -377,6 +388,14 @@ ARM = JOINT.format("j", "continuous", "a", "b", "")
         ((*GOOD, JOINT.format("***", "revolute", "a", "b", "")), ["joint '***'", "rename"]),
         ((*GOOD, JOINT.format("gravity", "revolute", "a", "b", "")), ["joint 'gravity'", "taken", "rename"]),
         ((*GOOD, JOINT.format("dot", "revolute", "a", "b", "")), ["dot", "taken", "choose another"]),
+        ((*GOOD, JOINT.format("energy", "revolute", "a", "b", "")), ["line 4: r: ", "energy is the energy T + V:"]),
+        (
+            (
+                *(*GOOD, JOINT.format("j", "planar", "a", "b", ""), LINK.format("c", 1)),
+                JOINT.format("j_x", "continuous", "b", "c", ""),
+            ),
+            ["declares j_x"],
+        ),
         (
             (*GOOD, ARM, LINK.format("b!", 1), JOINT.format("k", "revolute", "a", "b!", "")),
             ["link 'b!'", "'b'", "taken", "rename"],
@@ -440,7 +459,7 @@ BODY = '<body name="b">{}<inertial mass="1" pos="0 0 1" diaginertia="1 1 1"/>{}<
         ('<body name="b"><joint/><geom size="-1"/></body>', "", "", ["body 'b'", "size = '-1'", ">= 0"]),
         ('<body name="b"><frame/></body>', "", "", ["<frame>"]),
         (BODY.format("<joint/>", ""), '<include file="/etc/passwd"/>', "", ["<include>"]),
-        (BODY.format("<joint/>", ""), '<compiler eulerseq="XYZ"/>', "", ["eulerseq = 'XYZ'", "'xyz'"]),
+        (BODY.format("<joint/>", ""), '<compiler eulerseq="xyw"/>', "", ["eulerseq = 'xyw'", "xyzXYZ"]),
         (BODY.format("<joint/>", ""), '<compiler angle="turns"/>', "", ["angle = 'turns'"]),
         (BODY.format("<joint/>", ""), '<option gravity="down"/>', "", ["gravity = 'down'", "3 finite"]),
         (BODY.format("<joint/>", ""), "", '<equality><joint joint1="j"/></equality>', ["joint", "delete"]),
@@ -491,3 +510,100 @@ def test_zaxis_is_the_shortest_turn(tmp_path: Path) -> None:
     )
     assert names == pytest.approx({p.name: p.start for p in other.parameters})
     assert names["b_inertia_xz"] < 0
+
+
+def test_bodies_may_be_called_as_joints(tmp_path: Path) -> None:
+    """MuJoCo keeps names of bodies and of joints apart: the joint keeps its name, the body's parameters say so."""
+    geom = '<geom type="box" size=".1 .2 .3" pos="0.1 0.2 0"/>'
+    free = mjcf(tmp_path, f'<body name="root" pos="0 0 1"><freejoint name="root"/>{geom}</body>')
+    assert {q.name for q in free.coordinates} == {"root_x", "root_y", "root_z"}
+    joints = '<joint name="tail" axis="0 0 1"/><joint name="twist" axis="0 1 0"/>'
+    first = mjcf(tmp_path, f'<body name="tail">{joints}{geom}</body>')
+    assert [q.name for q in first.coordinates] == ["tail", "twist"]
+    for tree, name in ((free, "root"), (first, "tail")):
+        assert {p.name: p.start for p in tree.parameters}[f"{name}_body_mass"] == pytest.approx(48)
+        assert f"name of body '{name}', which a joint or the FMU has: its parameters begin with {name}_body" in (
+            tree.left_out
+        )
+    work = mjcf(tmp_path, f'<body name="work"><joint name="j"/>{geom}</body>')
+    assert "work_body_mass" in {p.name for p in work.parameters}
+
+
+def test_what_does_not_move_needs_no_mass(tmp_path: Path) -> None:
+    bob = '<body name="bob"><joint name="j"/><geom size="0.1"/></body>'
+    plane = '<geom type="plane" size="1 1 .1"/><geom type="mesh" mesh="m"/><geom type="hfield" hfield="h"/>'
+    tree = mjcf(tmp_path, f'<body name="floor">{plane}<body name="step">{plane}</body></body>{bob}')
+    assert [name for name in (p.name for p in tree.parameters) if "mass" in name] == ["bob_mass"]
+    assert {"2 <geom> of type plane", "2 <geom> of type mesh", "2 <geom> of type hfield"} < set(tree.left_out)
+    with pytest.raises(ComponentError, match="line 1: geom 'without name' of body 'b': the mass of its geom of type"):
+        mjcf(tmp_path, f'<body name="b"><joint name="j"/>{plane}</body>')
+
+
+def inertia_of(tree: type[Linkage], body: str = "b") -> list[float]:
+    names = {p.name: p.start for p in tree.parameters}
+    return [names.get(f"{body}_inertia_{i}{i}", 0.0) for i in "xyz"]
+
+
+@pytest.mark.parametrize(
+    ("printed", "expected"),
+    [
+        ("0.1234 0.2345 0.3580", [0.1234 + 1e-4 / 3, 0.2345 + 1e-4 / 3, 0.358 - 1e-4 / 3]),  # a plate: Ixx + Iyy = Izz
+        ("1.23e-5 2.34e-5 3.58e-5", [1.23e-5 + 1e-7 / 3, 2.34e-5 + 1e-7 / 3, 3.58e-5 - 1e-7 / 3]),
+        ("0 1.000001 1.000002", [1e-6 / 3, 1.000001 + 1e-6 / 3, 1.000002 - 1e-6 / 3]),  # a rod
+        ("2.4e-35 0 0", [0, 0, 0]),  # dust
+        ("1 2 2.9", [1, 2, 2.9]),
+        ("0.1 0.1 0.2", [0.1, 0.1, 0.2]),  # a plate, as it is
+    ],
+)
+def test_rounded_inertia_is_balanced_and_said(printed: str, expected: list[float], tmp_path: Path) -> None:
+    inertia = " ".join(f'{key}="{x}"' for key, x in zip(("ixx", "iyy", "izz"), printed.split(), strict=True))
+    link = f'<link name="b"><inertial><origin xyz="0 1 0"/><mass value="2"/><inertia {inertia}/></inertial></link>'
+    text = f'<body name="b"><joint/><inertial pos="0 1 0" mass="2" diaginertia="{printed}"/></body>'
+    for tree in (urdf(tmp_path, GOOD[0], link, ARM), mjcf(tmp_path, text)):
+        assert inertia_of(tree) == pytest.approx(expected, rel=1e-12, abs=1e-16 * max(expected))  # of eigenvalues
+        changed = expected != [float(x) for x in printed.split()]
+        assert [line for line in tree.left_out if "balanced" in line] != [] if changed else not tree.left_out
+
+
+def test_other_inertia_is_balanced_if_requested(tmp_path: Path) -> None:
+    link = LINK.format("b", 1).replace('izz="1"', 'izz="4"')
+    tree = urdf(tmp_path, GOOD[0], link, ARM, balance_inertia=True)
+    assert inertia_of(tree) == pytest.approx([2, 2, 2])
+    assert tree.left_out == (
+        "inertia of link 'b' as printed: its principal moments are balanced, [1.0, 1.0, 4.0] to [2.0, 2.0, 2.0]",
+    )
+    for printed in ("0.1 0.1 0.3", "1 1 3", "1.00 1.00 2.03"):  # not by rounding
+        with pytest.raises(ComponentError, match=r"line 1: m\.b: inertia = .*exceeds the sum"):
+            mjcf(tmp_path, f'<body name="b"><joint/><inertial pos="0 1 0" mass="2" diaginertia="{printed}"/></body>')
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<joint name="j"/><geom size="1e308"/>', "line 1: body 'b': its mass, centre of mass or inertia exceeds all"),
+        ('<joint name="j"/><geom type="box" size="1e200 1 1"/>', "body 'b': its mass, centre of mass or inertia"),
+        ('<joint name="j"/><geom type="capsule" size="1e110 1e100"/>', "body 'b': its mass, centre of mass or inertia"),
+        ('<joint name="j"/><geom size="1" pos="1e308 0 0" mass="1"/><geom size="1"/>', "body 'b': its mass, centre of"),
+        ('<joint name="j"/><geom/>', "line 1: geom 'without name' of body 'b': size = None"),
+        ('<joint name="j"/><geom type="box" size="1 1"/>', "geom 'without name' of body 'b': size = '1 1'"),
+        ('<joint name="j"/><geom size="nan"/>', "geom 'without name' of body 'b': size = 'nan'"),
+        (
+            '<joint name="j"/><geom size="1" mass="-1"/>',
+            "geom 'without name' of body 'b': mass = '-1': it must be >= 0",
+        ),
+        ('<joint name="j"/><geom size="1" density="inf"/>', "geom 'without name' of body 'b': density = 'inf'"),
+        ('<joint name="j" axis="0 0 nan"/><geom size="1"/>', "joint 'j': axis = '0 0 nan'"),
+        ('<joint name="j" pos="0 0"/><geom size="1"/>', "body 'b': pos = '0 0'"),
+        ('<joint name="j"/><geom size="1" pos="1e200 0 0" mass="1"/>', "m: the kinetic energy is not finite at the"),
+    ],
+)
+def test_numbers_without_bounds(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ComponentError, match=words) as caught:
+        mjcf(tmp_path, f'<body name="b">{text}</body>')
+    assert "\n" not in str(caught.value)
+
+
+def test_axes_of_any_length_turn(tmp_path: Path) -> None:
+    for axis in ("0 1e200 0", "0 1e-200 0", "0 1 0"):
+        tree = mjcf(tmp_path, f'<body name="b"><joint name="j" axis="{axis}"/><geom pos="1 0 0" size="0.1"/></body>')
+        assert_equal(poses_of(tree, {"j": 0.5})["b"][:, :3], Rotation.from_euler("y", 0.5).as_matrix())

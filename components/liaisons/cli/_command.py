@@ -169,14 +169,14 @@ def parse_assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
-def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
-    """Words of a command, robots' files with --prescribe and --limits appended; print what these files lose."""
-    if (prescribe or limits) and not any(map(is_robot, words)):
+def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool, balance_inertia: bool) -> list[str]:
+    """Words of a command, robots' files with --prescribe and further options appended; print what these files lose."""
+    if (prescribe or limits or balance_inertia) and not any(map(is_robot, words)):
         raise typer.BadParameter(
             "--prescribe and --limits are of a robot's file, .urdf or .xml; a joint of a class has prescribed=True, "
             "limits=(low, high)"
         )
-    ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits
+    ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits + ":balance-inertia" * balance_inertia
     targets = [f"{word}{ending}" if is_robot(word) else word for word in words]
     for target in filter(is_robot, targets):
         for line in getattr(components(target)[0], "left_out", ()):
@@ -194,6 +194,10 @@ Prescribe = Annotated[
 ]
 
 Limits = Annotated[bool, flag("--limits", "of a robot's file: stops at the limits of its joints")]
+
+BalanceInertia = Annotated[
+    bool, flag("--balance-inertia", "of a robot's file: the mean of principal moments that no body has")
+]
 
 Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]
 

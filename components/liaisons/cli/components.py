@@ -20,6 +20,7 @@ from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, relative_to_working_directory
 from liaisons.base.published import published_components, publishers
 from liaisons.cli._command import (
+    BalanceInertia,
     Limits,
     Prescribe,
     Size,
@@ -121,6 +122,7 @@ def build(
     size: Size = None,
     prescribe: Prescribe = "",
     limits: Limits = False,
+    balance_inertia: BalanceInertia = False,
     as_modelica: Annotated[
         bool,
         flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
@@ -135,7 +137,7 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    targets = add_robot_options(targets or [], prescribe, limits=limits)
+    targets = add_robot_options(targets or [], prescribe, limits=limits, balance_inertia=balance_inertia)
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     sizes = dict([size] if size else [])

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Limits, Prescribe, add_robot_options, command, flag, option, subject_argument
+from liaisons.cli._command import (
+    BalanceInertia,
+    Limits,
+    Prescribe,
+    add_robot_options,
+    command,
+    flag,
+    option,
+    subject_argument,
+)
 from liaisons.cli._texts import requested_component
 
 
@@ -30,6 +39,7 @@ def equations(
     *,
     prescribe: Prescribe = "",
     limits: Limits = False,
+    balance_inertia: BalanceInertia = False,
     part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
     fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
     text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
@@ -42,7 +52,7 @@ def equations(
     part = part or own
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
-    (target,) = add_robot_options([target], prescribe, limits=limits)
+    (target,) = add_robot_options([target], prescribe, limits=limits, balance_inertia=balance_inertia)
     from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files

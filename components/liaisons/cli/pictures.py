@@ -8,6 +8,7 @@ from typing import Annotated
 
 from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
+    BalanceInertia,
     Inputs,
     Join,
     Limits,
@@ -52,6 +53,7 @@ def animate(
     size: Size = None,
     prescribe: Prescribe = "",
     limits: Limits = False,
+    balance_inertia: BalanceInertia = False,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -71,7 +73,7 @@ def animate(
     from liaisons.cosim.running.run import run_to_end
     from liaisons.cosim.structure.scenes import of_file
 
-    (fmu,) = add_robot_options([fmu], prescribe, limits=limits)
+    (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
         _system, asked = subject_simulation(
@@ -105,6 +107,7 @@ def show(
     launch: Annotated[bool, flag("--open/--no-open", "open it in the browser")] = True,
     prescribe: Prescribe = "",
     limits: Limits = False,
+    balance_inertia: BalanceInertia = False,
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
@@ -119,7 +122,7 @@ def show(
     from liaisons.cosim.running.run import run_to_end
     from liaisons.live import default_page_path
 
-    fmu, *others = add_robot_options(fmus, prescribe, limits=limits)
+    fmu, *others = add_robot_options(fmus, prescribe, limits=limits, balance_inertia=balance_inertia)
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")

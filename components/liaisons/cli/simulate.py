@@ -15,6 +15,7 @@ from liaisons.base.files import check_writable
 from liaisons.base.port_names import port_names
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.cli._command import (
+    BalanceInertia,
     Inputs,
     Join,
     Limits,
@@ -73,6 +74,7 @@ def simulate(
     size: Size = None,
     prescribe: Prescribe = "",
     limits: Limits = False,
+    balance_inertia: BalanceInertia = False,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -98,7 +100,7 @@ def simulate(
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
-    (fmu,) = add_robot_options([fmu], prescribe, limits=limits)
+    (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
     system, asked = subject_simulation(

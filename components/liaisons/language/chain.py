@@ -90,6 +90,11 @@ class Chain(MechanicalComponent, abstract=True):
 
     # ---- derived -------------------------------------------------------------------------
 
+    def claimed_names(self) -> list[tuple[str, str]]:
+        joint = type(self).joint
+        symbols = (f"joint_{axis}{end}" for axis in joint.axes for end in ("", "_dot", "_ddot"))
+        return [*super().claimed_names(), *((name, joint.description) for name in symbols)]
+
     def joint_column(self, components: Mapping[str, ca.SX]) -> ca.SX:
         """Column (d, 1) of a tip or base, in the order of the axes."""
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)

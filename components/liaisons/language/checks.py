@@ -15,13 +15,25 @@ import casadi as ca
 from liaisons.base import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.expressions.dimensions import Declared, check_units
-from liaisons.language.declarations import UNCHECKED, Declaration, InternalState, Symbol
+from liaisons.language.declarations import (
+    UNCHECKED,
+    ContactFormula,
+    Declaration,
+    InternalState,
+    Size,
+    Symbol,
+    calculated,
+    output,
+    rheonomic_constraint,
+)
 from liaisons.language.shapes import Shape
 from liaisons.language.variables import NEXT_EVENT_TIME, Variable
 
 D = TypeVar("D", bound=Declaration)
 _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 _OURS = "liaisons.language"
+_VARIABLES = (Symbol, Size, output, calculated, ContactFormula, rheonomic_constraint)
+"""What declares a variable of its own name; of points, constraints, bodies and the like, names have endings."""
 
 
 def declarations_of(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
@@ -224,17 +236,28 @@ def reject_reserved_names(cls: type) -> None:
             item.refuse(f"default {item.start:g} {item.unit} is outside its own domain: it must be {variable.domain()}")
 
 
-def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
-    """Raise a ComponentError for two variables of one name.
+def reject_clashes(cls: type, names: Iterable[tuple[str, str]]) -> None:
+    """Raise a ComponentError for two variables of one name, or a declaration called as a variable of something else.
 
-    :param variables: names and descriptions.
+    :param names: of all variables, each with its description; a name that two claim comes twice.
     """
     reserved = f"input_reconstruction symplectic_steps stiff_solver time picture {NEXT_EVENT_TIME}"
     seen: dict[str, str] = dict.fromkeys(reserved.split(), "which every FMU has")
-    for name, description in variables:
-        if name in seen:
-            raise ComponentError(
-                f"{cls.__name__}: two variables would be called {name!r}: {seen[name]!r} and {description!r}; rename "
-                "the parameter, coordinate, point or output that makes one of them"
-            )
-        seen[name] = description
+    declared = {item.name: item for item in declarations_of(cls, Declaration)}
+    others = [(name, item.description) for name, item in declared.items() if not isinstance(item, _VARIABLES)]
+    clashes: list[tuple[str, str, str]] = []
+    for name, description in (*names, *others):
+        clashes += [(name, seen[name], description)] if name in seen else []
+        seen.setdefault(name, description)
+    if not clashes:
+        return
+    name, *texts = next((clash for clash in clashes if clash[0] in declared), clashes[0])
+    fix = "rename the parameter, coordinate, point or output that makes one of them"
+    if name in declared:
+        other = texts[0] if texts[1] == declared[name].description else texts[1]
+        verb = "says" if other.split()[0] in {"whether", "what", "how", "when", "where"} else "is the"
+        what = "" if other.startswith("which") else f"{name} {verb} {re.split('[,:(]', other)[0].strip()}: "
+        fix = f"{what}choose another name"
+    raise ComponentError(
+        f"{cls.__name__}: two variables would be called {name!r}: {texts[0]!r} and {texts[1]!r}; {fix}"
+    )

@@ -84,8 +84,7 @@ class Component(ABC):
             require_methods(cls)
             reject_reserved_names(cls)
             instance = cls()
-            layout = instance.layout()
-            reject_clashes(cls, [(v.name, v.description) for v in (*layout.variables, *layout.dimensions)])
+            reject_clashes(cls, instance.claimed_names())
             instance._check()
 
     @abstractmethod
@@ -95,6 +94,11 @@ class Component(ABC):
     @abstractmethod
     def layout(self) -> Layout:
         """Variables of the FMU."""
+
+    def claimed_names(self) -> list[tuple[str, str]]:
+        """Names of all variables of the FMU with their descriptions; one that two claim comes twice."""
+        layout = self.layout()
+        return [(v.name, v.description) for v in (*layout.variables, *layout.dimensions)]
 
     @classmethod
     def summary(cls) -> str:

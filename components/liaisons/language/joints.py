@@ -437,6 +437,7 @@ def unit_vector(axis: Any) -> np.ndarray:
     except (KeyError, TypeError, ValueError):
         return np.full(3, np.nan)
     with np.errstate(invalid="ignore"):
+        vector = vector / np.abs(vector).max(initial=0.0)  # whose square is finite
         return vector / np.linalg.norm(vector)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import declarations_of
+from liaisons.language.checks import declarations_of, reject_clashes
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import Gravity, declare
 from liaisons.language.joints import (
@@ -52,11 +52,13 @@ class Linkage(Mechanism, abstract=True):
     _tree: ClassVar[tuple[BodyJoint, ...]] = ()  # from ground outwards
     _closing: ClassVar[tuple[BodyJoint, ...]] = ()
     _joints: ClassVar[Mapping[str, BodyJoint]] = {}
+    _declared_by: ClassVar[Mapping[str, str]] = {}  # by what a body or joint declares, its name
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
         if not abstract:
             _declare(cls)
             if cls._closing:
+                reject_clashes(cls, cls().claimed_names())  # before loops are closed in other coordinates
                 close_loops(cls, cls._closing)
         super().__init_subclass__(abstract=abstract, **kwargs)
 
@@ -75,30 +77,35 @@ class Linkage(Mechanism, abstract=True):
             self._numbers[joint.child.name] = len(self.frames) - 1
 
     @classmethod
-    def from_urdf(cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> type[Linkage]:
+    def from_urdf(
+        cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+    ) -> type[Linkage]:
         """A class of a URDF file's links and joints; its root link is the ground.
 
         :param prescribe: joints that an operator prescribes.
         :param limits: whether limits of joints become stops; a start value outside moves to the middle.
+        :param balance_inertia: whether principal moments of which one exceeds the sum of the others become their mean.
         :raises ComponentError: for a file that cannot be read, or a wrong link or joint in it.
         """
         from liaisons.language.robot_files.urdf import read_urdf
 
-        return cls._of_robot(read_urdf(path, prescribe, limits=limits))
+        return cls._of_robot(read_urdf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
 
     @classmethod
-    def from_mjcf(cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> type[Linkage]:
+    def from_mjcf(
+        cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+    ) -> type[Linkage]:
         """A class of an MJCF file's bodies and joints, with its gravity; arguments are those of from_urdf."""
         from liaisons.language.robot_files.mjcf import read_mjcf
 
-        return cls._of_robot(read_mjcf(path, prescribe, limits=limits))
+        return cls._of_robot(read_mjcf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
 
     @classmethod
     def _of_robot(cls, robot: Robot) -> type[Linkage]:
         try:
             return type(cls)(robot.name, (cls,), robot.class_members())
         except ComponentError as error:
-            raise ComponentError(f"{robot.path}: {error}") from None
+            raise ComponentError(robot.located(str(error))) from None
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 
@@ -214,8 +221,10 @@ class Linkage(Mechanism, abstract=True):
     def _check_mass_matrix(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
         start, metric = self.start_values(), ca.hessian(lagrangian, self.free.q_dot)[0]
         matrix = np.array(ca.Function("A", [*motion.values()], [metric])(*(start[name] for name in motion)))
-        if is_positive_definite(matrix) or not np.isfinite(matrix).all():
+        if is_positive_definite(matrix):
             return
+        if not np.isfinite(matrix).all():
+            raise ComponentError(f"{type(self).__name__}: the kinetic energy is not finite at the start; check places")
         still = int(np.argmax(np.abs(np.linalg.eigh(matrix)[1][:, 0])))
         frame = next(frame for frame in self.frames if not frame.prescribed and still in frame.rows)
         frame.joint.refuse(
@@ -295,8 +304,14 @@ def _expand(cls: type[Linkage], item: Any) -> None:
     closes = [item in cls._closing] * isinstance(item, BodyJoint)
     delattr(cls, item.name)  # coordinates in the order of the joints
     for name, declaration in (*item.declarations(*closes), (item.name, item)):
-        present = vars(cls).get(name)
-        if present is None:
-            declare(cls, name, declaration)
-        elif declaration is not item and not isinstance(present, type(declaration)):
-            item.refuse(f"it declares {name}, as {type(present).__name__} does; rename one of them")
+        present, owner = vars(cls).get(name), cls._declared_by.get(name, item.name)
+        if declaration is item:
+            if present is None:
+                declare(cls, name, declaration)
+        elif owner != item.name or (present is not None and not isinstance(present, type(declaration))):
+            other = owner if owner != item.name else type(present).__name__
+            item.refuse(f"it declares {name}, as {other} does; rename one of them")
+        else:
+            cls._declared_by = {**cls._declared_by, name: item.name}
+            if present is None:  # else it is declared by hand
+                declare(cls, name, declaration)

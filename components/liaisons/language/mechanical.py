@@ -11,7 +11,7 @@ from typing import Literal
 import casadi as ca
 
 from liaisons.base import units
-from liaisons.base.array_names import suffixed_name
+from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language import layout
@@ -36,6 +36,9 @@ from liaisons.language.declarations import (
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
 from liaisons.language.variables import ActiveInput, Dimension, State, Variable
+
+IMPACT_LOSS = ("impact_loss", "energy lost by impacts since the start")
+"""Name and description of what every account may have."""
 
 _AFFIXES = {"quaternion": ("", ""), "rates": ("", "_dot"), "accelerations": ("", "_ddot"), "momenta": ("p_", "")}
 
@@ -142,12 +145,23 @@ class MechanicalComponent(Component, abstract=True):
         ]
 
     def layout(self) -> Layout:
+        extents = (item.extent(type(self)) for item in declarations_of(type(self), Declaration))
+        return self._layout_of_elements().with_arrays({extent.count: extent for extent in extents if extent})
+
+    def claimed_names(self) -> list[tuple[str, str]]:
+        # Before elements become arrays, which takes those of one name for one.
+        layout = self._layout_of_elements()
+        of_elements = ((*array_and_index(v.name), v.description) for v in (*layout.variables, *layout.dimensions))
+        names = [(name, description) for name, index, description in of_elements if index in (None, (1,))]
+        return names if self.contact_formulas else [*names, IMPACT_LOSS]
+
+    def _layout_of_elements(self) -> Layout:
+        """Layout in which arrays of a mechanism are written element by element."""
         unit_of = {item.name: item.unit for item in self.points}
         units_at = {name: unit_of[name.rpartition("_")[0]] for name in self.point_components()}
         internal = (state.name for state in self.internal_states)
         moving = (*self.motion_names("quaternion"), *self.motion_names("momenta"), *internal)
-        extents = (item.extent(type(self)) for item in declarations_of(type(self), Declaration))
-        variables = Layout(
+        return Layout(
             parameters=(*self._declared_parameters(), *self._start_parameters()),
             inputs=tuple(self._inputs(units_at)),
             outputs=(*self._motion_outputs(), *self._dynamics_outputs()),
@@ -167,7 +181,6 @@ class MechanicalComponent(Component, abstract=True):
                 for size in declarations_of(type(self), Size)
             ),
         )
-        return variables.with_arrays({extent.count: extent for extent in extents if extent})
 
     def _start_parameters(self) -> Iterator[Variable]:
         """Parameters for the start of the configuration, and of rates or momenta."""
@@ -276,7 +289,7 @@ class MechanicalComponent(Component, abstract=True):
         lost = ""
         if self.contact_formulas:
             lost = " + impact_loss"
-            yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
+            yield layout.event_output(IMPACT_LOSS[0], "J", IMPACT_LOSS[1])
         text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
         yield readable("energy_balance", "J", text)
         yield readable("power", "W", "power through all ports", causality="local", derivative_of="work")

@@ -26,14 +26,15 @@ if TYPE_CHECKING:
 Target: TypeAlias = "str | Path | type[Component]"
 """A component: its name in the catalogue or in an installed package (``"Pendulum"``), its file (``"my_component.py"``,
 ``"my_component.py:Name"``) or its class; a robot's file, with joints that an operator prescribes
-(``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``), or with stops at the limits of its joints
-(``"robot.urdf:limits"``, ``"robot.urdf:shoulder:limits"``).  Where FMUs are taken, also the path of one."""
+(``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``), with stops at the limits of its joints
+(``"robot.urdf:limits"``, ``"robot.urdf:shoulder:limits"``), with balanced inertia (``"robot.urdf:balance-inertia"``).
+Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that are up to date in this process, and the status of these files."""
 _files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
 """The files that components were loaded from."""
-_ROBOT = re.compile(r"(.*\.(?:urdf|xml))(?::(.*?))??(:limits)?", re.IGNORECASE)
+_ROBOT = re.compile(r"(.*\.(?:urdf|xml))(?::(.*?))??(:limits)?(:balance-inertia)?", re.IGNORECASE)
 _owners: dict[tuple[Path, str], str] = {}
 """Folder and name of an FMU -> origin of the component that this process has built into it."""
 
@@ -149,11 +150,12 @@ def _published_component(name: str) -> type[Component]:
     return value
 
 
-def _robot_component(path: str, prescribe: str, limits: str) -> type[Component]:
+def _robot_component(path: str, prescribe: str, limits: str, balance: str) -> type[Component]:
     from liaisons.language.linkage import Linkage
 
     read = Linkage.from_urdf if path.lower().endswith(".urdf") else Linkage.from_mjcf
-    robot = read(path, [name.strip() for name in prescribe.split(",") if name.strip()], limits=bool(limits))
+    names = [name.strip() for name in prescribe.split(",") if name.strip()]
+    robot = read(path, names, limits=bool(limits), balance_inertia=bool(balance))
     _files[robot] = Path(path).resolve()
     return robot
 

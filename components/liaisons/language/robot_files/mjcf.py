@@ -16,26 +16,36 @@ from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, rol
 
 _JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
 _CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}
-_COMPILER = {  # the only values that are read
-    "coordinate": "local",
-    "eulerseq": "xyz",
-    "balanceinertia": "false",
-    "boundmass": "0",
-    "boundinertia": "0",
-    "settotalmass": "-1",
-    "inertiafromgeom": "auto",
-}
-_READ = ["compiler", "option", "default", "worldbody", "equality", "asset", "size", "statistic", "visual"]
 _REFUSED = ["include", "frame", "replicate", "attach", "composite", "flexcomp"]
+_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
+_PLACE = " ".join(("pos", "quat", *_ORIENTATIONS))
+_READ = {  # attributes by tag; what others have is listed as left out
+    "compiler": "angle autolimits balanceinertia boundinertia boundmass coordinate eulerseq inertiafromgeom "
+    "inertiagrouprange settotalmass",
+    "option": "gravity wind density viscosity",
+    "flag": "gravity spring damper frictionloss limit equality constraint contact",
+    "body": f"name childclass mocap gravcomp {_PLACE}",
+    "inertial": f"mass diaginertia fullinertia {_PLACE}",
+    "joint": "name class type pos axis range limited ref springref stiffness damping frictionloss armature "
+    "springdamper springyield",
+    "freejoint": "name",
+    "geom": f"name class type size fromto mass density group mesh shellinertia {_PLACE}",
+    "connect": "name class body1 body2 anchor active",
+    "weld": "name class body1 body2 relpose active",
+}
+_SECTIONS = ["compiler", "option", "default", "worldbody", "equality"]
+_NO_VOLUME = ["plane", "hfield"]
 _DENSITY = "1000"  # [kg/m3] of a geom without mass
 
 
-def read_mjcf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
+def read_mjcf(
+    path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+) -> Robot:
     """Bodies, joints and shapes of an MJCF file.
 
     :raises ComponentError: for a file with a wrong value, or with what would move the bodies in another manner.
     """
-    reader = _Reader(Robot(path, "mujoco", prescribe, limits=limits))
+    reader = _Reader(Robot(path, "mujoco", prescribe, limits=limits, balance_inertia=balance_inertia))
     reader.read()
     return reader.robot
 
@@ -46,20 +56,25 @@ class _Reader:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        compiler = self._merged("compiler").attrib
-        for key, value in _COMPILER.items():
-            if compiler.get(key, value) != value:
-                robot.refuse("<compiler>", f"{key} = {shown(compiler[key])}: only {value!r} is read")
-        unit = compiler.get("angle", "degree")
-        if unit not in ("degree", "radian"):
-            robot.refuse("<compiler>", f"angle = {shown(unit)}: it is 'degree' or 'radian'")
-        self.unit = pi / 180 if unit == "degree" else 1.0
+        self.compiler, self.flags = self._merged("compiler"), self._merged("option/flag")
+        self.unit = pi / 180 if self._word(self.compiler, "angle", "degree", "radian") == "degree" else 1.0
+        self.autolimits = self._word(self.compiler, "autolimits", "true", "false") == "true"
+        self._word(self.compiler, "coordinate", "local")
+        self.balances = self._word(self.compiler, "balanceinertia", "false", "true") == "true"
+        self.from_geoms = self._word(self.compiler, "inertiafromgeom", "auto", "true", "false")
+        self.sequence = self.compiler.get("eulerseq", "xyz")
+        if len(self.sequence) != 3 or set(self.sequence.lower()) - {*"xyz"}:
+            robot.refuse("<compiler>", f"eulerseq = {shown(self.sequence)}: it has three letters of xyzXYZ")
+        self.groups = robot.numbers("<compiler>", self.compiler, "inertiagrouprange", "0 5", 2)
+        self.least = [robot.number("<compiler>", self.compiler, key) for key in ("boundmass", "boundinertia")]
+        self.total_mass = robot.number("<compiler>", self.compiler, "settotalmass", "-1")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for element in robot.document.findall("default"):
             self._read_default(element, "main", "main")
             self.defaults[element.get("class", "main")] = self.defaults["main"]
         # The body, its pose in the world, and that of the file's frame, which does not lie at the joint.
         self.bodies: dict[str, tuple[Body, Pose, Pose]] = {"world": (ground, Pose(), Pose())}
+        self.fixed: list[Body] = [ground]
 
     def read(self) -> None:
         """Declare the bodies and joints of the document, and the joints that close loops."""
@@ -68,55 +83,104 @@ class _Reader:
             if robot.document.find(f".//{tag}") is not None:
                 robot.refuse(f"<{tag}>", "it is not read; write out the bodies that it makes")
         option = self._merged("option")
-        robot.gravity = robot.numbers("<option>", option, "gravity", "0 0 -9.81", 3)
+        for element in (self.compiler, self.flags, option):
+            self._list_unread(element)
+        robot.gravity = robot.numbers("<option>", option, "gravity", "0 0 -9.81", 3) * self._has("gravity")
         robot.remarks += [f"{medium} of <option>" for medium in ("wind", "density", "viscosity") if option.get(medium)]
         for section in robot.document:
-            if section.tag not in _READ:
-                robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section)
-        if robot.document.find("worldbody//geom") is not None:
+            if section.tag not in _SECTIONS:
+                robot.list_unread(section)
+            if section.tag not in ("default", "worldbody", "equality"):
+                known = ["flag"] * (section.tag == "option")
+                robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section if child.tag not in known)
+        if robot.document.find("worldbody//geom") is not None and self._has("contact"):
             robot.remarks.append("contacts between geoms")
         for world in robot.document.findall("worldbody"):
             self._read_contents(world, ground, Pose(), Pose(), "main")
         for element in robot.document.findall("equality/*"):
             self._read_equality(element)
+        self._scale_masses()
+
+    def _scale_masses(self) -> None:
+        """Scale all masses and moments of inertia to the total mass that the compiler asks for."""
+        bodies = [item for item in self.robot.members.values() if isinstance(item, Body)]
+        total = sum(body.mass for body in bodies)
+        for body in bodies if self.total_mass > 0 and total else ():
+            body.mass *= self.total_mass / total
+            body.inertia = (np.array(body.inertia) * self.total_mass / total).tolist()
+
+    def _word(self, element: Element, key: str, default: str, *others: str) -> str:
+        """Keyword of an attribute, one of these."""
+        word = element.get(key, default)
+        if word not in (default, *others):
+            allowed = " or ".join(map(repr, (default, *others)))
+            self.robot.refuse(f"<{element.tag}>", f"{key} = {shown(word)}: only {allowed} is read")
+        return word
+
+    def _has(self, flag: str) -> bool:
+        """Whether a part of mechanics is not disabled by its flag, or by that of all constraints."""
+        of_constraints = flag in ("frictionloss", "limit", "equality", "contact")
+        flags = [flag, *["constraint"] * of_constraints]
+        return all(self._word(self.flags, name, "enable", "disable") == "enable" for name in flags)
+
+    def _list_unread(self, element: Element) -> None:
+        self.robot.list_unread(element, _READ.get(element.tag, "name class"))
 
     def _merged(self, tag: str) -> Element:
         """An element with the attributes of all elements of this tag, the last value of each."""
-        merged = Element(tag)
+        merged = Element(tag.rpartition("/")[2])
         for element in self.robot.document.findall(tag):
             merged.attrib.update(element.attrib)
         return merged
 
     def _read_default(self, element: Element, name: str, outer: str) -> None:
+        if not name:
+            self.robot.refuse(self.robot.item("<default>", element), "it has no class; give it one")
         own = self.defaults.setdefault(name, {})
-        for tag in ("joint", "geom"):
+        for tag in ("joint", "geom", "equality"):
             child = element.find(tag)
             own[tag] = self.defaults[outer].get(tag, {}) | ({} if child is None else child.attrib)
-        for inner in element.findall("default"):
-            self._read_default(inner, inner.get("class", ""), name)
+        for child in element:
+            if child.tag == "default":
+                self._read_default(child, child.get("class", ""), name)
+            elif child.tag not in own:
+                self.robot.ignored[f"<{child.tag}> of <default>"] += 1
 
-    def _resolved(self, item: str, element: Element, childclass: str) -> Element:
-        """The element with its own attributes and those of its default class."""
+    def _resolved(self, item: str, element: Element, childclass: str, tag: str = "") -> Element:
+        """The element with its own attributes and those of its default class.
+
+        :param tag: of the defaults; none: its own.
+        """
         name = element.get("class", childclass)
         if name not in self.defaults:
             self.robot.refuse(
                 item, f"class = {shown(name)}: no <default> is called so{suggestion(name, self.defaults)}"
             )
-        return Element(element.tag, self.defaults[name].get(element.tag, {}) | element.attrib)
+        resolved = Element(element.tag, self.defaults[name].get(tag or element.tag, {}) | element.attrib)
+        self._list_unread(resolved)
+        return resolved
 
     def _pose(self, item: str, element: Element) -> Pose:
         def numbers(key: str, count: int, default: str | None = None) -> np.ndarray:
             return self.robot.numbers(item, element, key, default, count)
 
         position = numbers("pos", 3, "0 0 0")
+        if len(spellings := [key for key in _ORIENTATIONS if key in element.attrib]) > 1:
+            self.robot.refuse(item, f"it has {' and '.join(spellings)}; an orientation is given once")
         if "euler" in element.attrib:
-            return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), position)
+            rotation = Rotation.identity()
+            for letter, angle in zip(self.sequence, numbers("euler", 3).tolist(), strict=True):
+                turn = Rotation.from_euler(letter.lower(), self.unit * angle)
+                rotation = rotation * turn if letter.islower() else turn * rotation
+            return Pose(rotation, position)
         if "axisangle" in element.attrib:
             *axis, angle = numbers("axisangle", 4)
             return Pose(Rotation.from_rotvec(self.unit * angle * self.robot.unit_vector(item, axis)), position)
         if "xyaxes" in element.attrib:
             x, y = np.split(numbers("xyaxes", 6), 2)
-            x = self.robot.unit_vector(item, x)
+            x, y = self.robot.unit_vector(item, x), self.robot.unit_vector(item, y)
+            if np.linalg.norm(np.cross(x, y)) < 1e-10:
+                self.robot.refuse(item, f"xyaxes = {shown(element.get('xyaxes'))}: its axes are parallel")
             y = self.robot.unit_vector(item, y - x * (x @ y))
             return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), position)
         if "zaxis" in element.attrib:
@@ -133,15 +197,16 @@ class _Reader:
             if child.tag == "body":
                 self._read_body(child, body, inner, world, childclass)
             elif child.tag == "geom":
-                item = f"geom {shown(child.get('name', 'without name'))} of {body.name}"
+                item = self._geom_item(child, body.name)
                 self._add_shape(item, self._resolved(item, child, childclass), body, inner)
-            elif child.tag not in ("joint", "freejoint", "inertial"):
+            elif child.tag not in ("joint", "freejoint", "inertial") or element.tag == "worldbody":
                 self.robot.ignored[f"<{child.tag}>"] += 1
 
     def _read_body(self, element: Element, parent: Body, inner: Pose, world: Pose, childclass: str) -> None:
         """Declare the body of an element, its joints, and what it contains."""
         robot, name = self.robot, element.get("name") or f"body_{len(self.bodies)}"
-        item, childclass = f"body {shown(name)}", element.get("childclass", childclass)
+        item, childclass = robot.item(f"body {shown(name)}", element), element.get("childclass", childclass)
+        self._list_unread(element)
         if name in self.bodies:
             robot.refuse(item, "another body has this name; rename it")
         if element.get("mocap", "false") != "false":
@@ -149,21 +214,26 @@ class _Reader:
         if element.get("gravcomp"):
             robot.remarks.append(f"gravcomp of {item}")
         pose = self._pose(item, element)
-        joints = [self._resolved(item, child, childclass) for child in element if child.tag in ("joint", "freejoint")]
+        originals = [child for child in element if child.tag in ("joint", "freejoint")]
+        joints = [self._resolved(item, child, childclass) for child in originals]
+        is_fixed = parent in self.fixed and not joints
         if not joints:
-            joints = [Element("fixed")]
+            joints = originals = [Element("fixed")]
         anchors = [Pose(origin=robot.numbers(item, joint, "pos", "0 0 0", 3)) for joint in joints]
         if any(_joint_type(joint) == "free" for joint in joints):
             anchors = [Pose()]  # MuJoCo ignores it
             if len(joints) > 1 or parent is not ground:
                 robot.refuse(item, "a free joint is alone in a body of the world; delete the others")
-        inertia = self._mass_properties(item, element, childclass)
+        with np.errstate(all="ignore"):  # sizes without bounds are refused with the body
+            inertia = self._mass_properties(item, element, childclass, is_fixed=is_fixed)
         last = anchors[-1]
         body = robot.declare_body(name, inertia._replace(centre=inertia.centre - last.origin), "body")
+        self.fixed += [body] * is_fixed
         first, step = parent, inner.times(pose).times(anchors[0])
         for i, joint in enumerate(joints):
             own = joint.get("name") or f"{name}_joint{f'_{i + 1}' if i else ''}"
-            second = body if i + 1 == len(joints) else robot.declare_body(f"{own}_body", tag="body")
+            robot.item(f"joint {shown(own)}", originals[i])
+            second = body if i + 1 == len(joints) else robot.declare_body(f"{own}_frame", tag="body")
             self._read_joint(own, joint, (first, second), step)
             if second is not body:
                 robot.visuals[second.name] = []  # nothing to be drawn
@@ -183,35 +253,82 @@ class _Reader:
             return
         if kind not in _JOINTS:
             robot.refuse(item, f"type = {shown(kind)}: no joint of MJCF{suggestion(kind, _JOINTS)}")
-        law = {key: robot.number(item, element, key, minimum=0) for key in ("stiffness", "damping", "frictionloss")}
-        if robot.number(item, element, "ref") or (law["stiffness"] and robot.number(item, element, "springref")):
-            robot.refuse(item, "ref, springref: coordinates and springs of a linkage begin at 0; delete them")
+        law = self._joint_law(item, element)
         if armature := robot.number(item, element, "armature"):
             robot.remarks.append(f"armature = {armature:g} of {item}")
-        more: dict[str, Any] = {}
+        more: dict[str, Any] = {} if kind == "free" else law
         if kind == "free":
             robot.remarks += [f"{key} of {item}, which is free" for key, value in law.items() if value]
-        else:
-            more |= {"stiffness": law["stiffness"], "damping": law["damping"], "friction": law["frictionloss"]}
         if kind in ("hinge", "slide"):
             more["axis"] = tuple(robot.direction(item, element, "axis", "0 0 1"))
-            if element.get("limited") != "false":
-                unit = self.unit if kind == "hinge" else 1.0
-                more["limits"] = unit * robot.numbers(item, element, "range", "0 0", 2)
+        more |= self._joint_limits(item, element, kind)
         robot.declare_joint(_JOINTS[kind], name, ends, pose, **more)
 
-    def _mass_properties(self, item: str, element: Element, childclass: str) -> MassProperties:
-        """MassProperties of a body: as its <inertial> says, else the sum over its geoms."""
+    def _joint_law(self, item: str, element: Element) -> dict[str, Any]:
+        """Stiffness, damping and dry friction of a joint."""
+        robot = self.robot
+        law = {"friction": robot.number(item, element, "frictionloss", minimum=0) * self._has("frictionloss")}
+        for key, flag in (("stiffness", "spring"), ("damping", "damper")):
+            value, *higher = robot.numbers(item, element, key, "0", 1, 2, 3, minimum=0)
+            law[key] = value * self._has(flag)
+            if any(higher):
+                why = f"{key} = {shown(element.get(key))}: only the first number is read; delete the others"
+                robot.refuse(item, why)
+        if all(robot.numbers(item, element, "springdamper", "0 0", 2) > 0):
+            robot.refuse(item, "springdamper is not read; give stiffness and damping")
+        if robot.number(item, element, "springyield") > 0:
+            robot.refuse(item, "springyield is not read; its springs stay elastic, delete it")
+        if robot.number(item, element, "ref") or (law["stiffness"] and robot.number(item, element, "springref")):
+            robot.refuse(item, "ref, springref: coordinates and springs of a linkage begin at 0; delete them")
+        return law
+
+    def _joint_limits(self, item: str, element: Element, kind: str) -> dict[str, Any]:
+        """Limits of a joint, if it has any."""
+        limited = self._word(element, "limited", "auto", "true", "false")
+        text = shown(element.get("range"))
+        low, high = self.robot.numbers(item, element, "range", "0 0", 2) * (1.0 if kind == "slide" else self.unit)
+        if limited == "auto" and "range" in element.attrib and not self.autolimits:
+            self.robot.refuse(item, f"range = {text}: it needs limited='true' or 'false', as autolimits is 'false'")
+        if limited == "true" and not low < high:
+            self.robot.refuse(item, f"range = {text}: the lower limit comes first")
+        if limited == "false" or low >= high or kind == "free" or not self._has("limit"):
+            return {}
+        if kind == "ball":
+            self.robot.remarks.append(f"limit of {item}, which is a ball joint")
+            return {}
+        return {"limits": (low, high)}
+
+    def _mass_properties(self, item: str, element: Element, childclass: str, *, is_fixed: bool) -> MassProperties:
+        """MassProperties of a body: as its <inertial> says, else the sum over its geoms; then as the compiler asks."""
         inertial, robot = element.find("inertial"), self.robot
-        if inertial is None:
-            geoms = [self._resolved(item, geom, childclass) for geom in element.findall("geom")]
-            return _total_mass_properties([part for geom in geoms for part in self._geom_mass_properties(item, geom)])
-        pose = self._pose(item, inertial)
-        if "fullinertia" in inertial.attrib:
-            moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        least_mass, least_moment = self.least
+        if inertial is None or (self.from_geoms == "true" and element.find("geom") is not None):
+            named = [(self._geom_item(geom, item), geom) for geom in element.findall("geom")]
+            geoms = [(label, self._resolved(label, geom, childclass)) for label, geom in named]
+            of_groups = [g for g in geoms if self.groups[0] <= robot.number(*g, "group") <= self.groups[1]]
+            parts = [part for g in of_groups for part in self._geom_mass_properties(*g, is_fixed=is_fixed)]
+            whole, text = _total_mass_properties(parts if self.from_geoms != "false" else []), "0"
         else:
-            moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
-        return MassProperties(robot.number(item, inertial, "mass", None), pose.origin, pose.rotated_tensor(moments))
+            self._list_unread(inertial)
+            pose = self._pose(item, inertial)
+            if text := inertial.get("fullinertia", ""):
+                moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+            else:
+                moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
+                text = inertial.get("diaginertia", "")
+            mass = robot.number(item, inertial, "mass", None)
+            if least_moment == 0:
+                moments = robot.balanced(item, moments, text, mass, mean=self.balances)
+            whole = MassProperties(mass, pose.origin, pose.rotated_tensor(moments))
+        if any(self.least):
+            moments, axes = np.linalg.eigh(whole.tensor)
+            tensor = axes @ np.diag(np.maximum(moments, least_moment)) @ axes.T
+            tensor = robot.balanced(item, tensor, text, whole.mass, mean=self.balances)
+            whole = whole._replace(mass=max(whole.mass, least_mass), tensor=tensor)
+        return whole
+
+    def _geom_item(self, geom: Element, owner: str) -> str:
+        return self.robot.item(f"geom {shown(geom.get('name', 'without name'))} of {owner}", geom)
 
     def _geometry(self, item: str, geom: Element) -> tuple[str, np.ndarray, Pose]:
         """Kind, half sizes and pose of a geom; no sizes for a kind without a volume."""
@@ -227,16 +344,18 @@ class _Reader:
         size = np.array([*[radius] * (count - 1), np.linalg.norm(last - first) / 2])
         return kind, size, Pose(rotation_onto(self.robot.unit_vector(item, last - first)), (first + last) / 2)
 
-    def _geom_mass_properties(self, item: str, geom: Element) -> Iterator[MassProperties]:
-        """MassProperties of a geom; none for one without mass."""
+    def _geom_mass_properties(self, item: str, geom: Element, *, is_fixed: bool) -> Iterator[MassProperties]:
+        """MassProperties of a geom; none for one without mass, or whose mass never moves and cannot be computed."""
         kind, size, pose = self._geometry(item, geom)
         mass = self.robot.number(item, geom, "mass", "0", minimum=0)
         density = 0.0 if "mass" in geom.attrib else self.robot.number(item, geom, "density", _DENSITY, minimum=0)
         if not (mass or density):
             return
+        if is_fixed and (kind in _NO_VOLUME or (kind not in _SOLIDS and self.total_mass <= 0)):
+            return
         if kind not in _SOLIDS or geom.get("shellinertia", "false") != "false":
             self.robot.refuse(item, f"the mass of its geom of type {shown(kind)} is not computed; give <inertial>")
-        volume, squares = _SOLIDS[kind][1](*map(float, size))
+        volume, squares = _SOLIDS[kind][1](*size)
         mass = mass or density * volume
         yield MassProperties(mass, pose.origin, pose.rotated_tensor(mass * np.diag(sum(squares) - np.array(squares))))
 
@@ -257,8 +376,9 @@ class _Reader:
     def _read_equality(self, element: Element) -> None:
         """Declare the joint that an equality constraint stands for."""
         robot, name = self.robot, element.get("name") or f"{element.tag}_{len(self.robot.members)}"
-        item, owner = f"{element.tag} {shown(name)}", element.get("body1", "")
-        if element.get("active", "true") != "true":
+        item, owner = robot.item(f"{element.tag} {shown(name)}", element), element.get("body1", "")
+        element = self._resolved(item, element, "main", "equality")
+        if self._word(element, "active", "true", "false") == "false" or not self._has("equality"):
             robot.remarks.append(f"{item}, which is not active")
             return
         if element.tag not in _CLOSING or not owner or "relpose" in element.attrib:

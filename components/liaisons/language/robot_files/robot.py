@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable
+from decimal import Decimal
 from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, final
 from xml.etree.ElementTree import Element
+from xml.parsers import expat
 
 import casadi as ca
 import numpy as np
@@ -24,6 +26,8 @@ from liaisons.language.shapes import Ball, Box, Rod, Shape
 
 _MOST_BODIES = 1000
 _RESERVED = {"gravity", "ground"}
+_GIVEN = {"energy", "work", "power", "dissipated", "dissipation", "energy_balance", "impact_loss", "time", "dot"}
+"""Names that every FMU has of its own: bodies called so are renamed."""
 
 
 class Pose(NamedTuple):
@@ -59,26 +63,33 @@ class Robot:
     """Declarations of a robot's file; errors name the file and the link or joint.
 
     :param root: tag of the document.
-    :param prescribe: joints that an operator prescribes; ``limits``: whether limits of joints become stops.
+    :param prescribe: joints that an operator prescribes; ``limits``: whether limits of joints become stops;
+        ``balance_inertia``: whether a tensor that no body has gets the mean of its principal moments.
     :raises ComponentError: for a file that cannot be read, as every method for what it cannot declare.
     """
 
-    def __init__(self, path: Path | str, root: str, prescribe: Iterable[str], *, limits: bool) -> None:
+    def __init__(
+        self, path: Path | str, root: str, prescribe: Iterable[str], *, limits: bool, balance_inertia: bool
+    ) -> None:
         self.path, self.limits = as_path("path", path, ComponentError), limits
+        self.balance_inertia = balance_inertia
         self.prescribe = dict.fromkeys(name_list("prescribe", prescribe, ComponentError), False)
         try:
             with self.path.open("rb") as file:
                 self.document = read_tree(file)
         except (OSError, ValueError) as error:
             raise ComponentError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
-        if self.document.tag != root:
-            self.refuse(f"<{shown(self.document.tag)}>", f"the document must be <{root}>")
         self.members: dict[str, Any] = {}
         self.visuals: dict[str, list[Any]] = {}  # functions of a BodyFrame, by body
         self.ignored: Counter[str] = Counter()
         self.remarks: list[str] = []
         self.gravity: np.ndarray | None = None  # acceleration [m/s2]; None: a linkage's own
-        self._joints = {identifier(joint.get("name", "")) for joint in self.document.iter("joint")}
+        self._unread: dict[str, dict[str, None]] = {}  # attributes by tag
+        self._elements: dict[str, Element] = {}  # by the label of an item, and by the name of what it declares
+        if self.document.tag != root:
+            self.refuse(f"<{shown(self.document.tag)}>", f"the document must be <{root}>")
+        joints = (*self.document.iter("joint"), *self.document.iter("freejoint"))
+        self._joints = {identifier(joint.get("name", "")) for joint in joints}
 
     @property
     def name(self) -> str:
@@ -86,9 +97,37 @@ class Robot:
         name = self.document.get("name") or self.document.get("model") or ""
         return identifier(name) or identifier(self.path.stem) or "Robot"
 
+    def item(self, label: str, element: Element) -> str:
+        """Label of an element, whose line a refusal names."""
+        self._elements.setdefault(label, element)
+        return label
+
     def refuse(self, item: str, why: str) -> NoReturn:
         """Raise a ComponentError about an item of the file."""
-        raise ComponentError(f"{self.path}: {item}: {why}")
+        tag = re.fullmatch(r"<(\w+)>", item)
+        element = self._elements.get(item, self.document.find(f".//{tag[1]}") if tag else None)
+        raise ComponentError(f"{self.path}: {self._line(element)}{item}: {why}")
+
+    def located(self, text: str) -> str:
+        """Text of an error in a declaration, after the file and the line of what it names."""
+        named = (self._elements[word] for word in re.findall(r"\w+", text)[1:] if word in self._elements)
+        hint = "; balance_inertia=True or --balance-inertia takes their mean" if "exceeds the sum" in text else ""
+        return f"{self.path}: {self._line(next(named, None))}{text}{hint}"
+
+    def _line(self, element: Element | None) -> str:
+        """``"line 3: "`` of an element; empty for None."""
+        lines: list[int] = []
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
+        parser.Parse(self.path.read_bytes(), True)
+        found = (line for other, line in zip(self.document.iter(), lines, strict=False) if other is element)
+        return next((f"line {line}: " for line in found), "")
+
+    def list_unread(self, element: Element, read: str = "") -> None:
+        """List the attributes of an element as left out, but for those that are read."""
+        unread = dict.fromkeys(key for key in element.attrib if key not in read.split())
+        if unread:
+            self._unread.setdefault(element.tag, {}).update(unread)
 
     def numbers(
         self, item: str, element: Element, key: str, default: str | None, *counts: int, minimum: float = -np.inf
@@ -124,11 +163,46 @@ class Robot:
         column = np.array(vector)
         if not column.any():
             self.refuse(item, f"{label} = {column.tolist()}: it must have a direction")
+        column = column / np.abs(column).max()  # whose square is finite
         return column / np.linalg.norm(column)
 
+    def balanced(self, item: str, tensor: np.ndarray, text: str, mass: float, *, mean: bool = False) -> np.ndarray:
+        """Tensor of inertia that a body may have, if a given one is wrong by the rounding of its digits alone.
+
+        Principal moments of which one exceeds the sum of the others by what the last digits leave open change by as
+        little as makes them equal; those of less than 1e-18 m2 times the mass become 0.
+
+        :param text: numbers that were rounded.
+        :param mean: whether any other wrong tensor gets the mean of its moments; so it does by ``balance_inertia``.
+        """
+        moments, axes = np.linalg.eigh(tensor)
+        excess = max(moments[2] - moments[0] - moments[1], -moments[0])
+        if moments[0] >= -1e-12 * moments[2] and excess <= 1e-9 * moments[2]:
+            return tensor
+        numbers = [number for number in map(Decimal, text.split()) if number]
+        digits = max(3, *(len(number.as_tuple().digits) for number in numbers))
+        last = 0.5 * 10.0 ** (max(number.adjusted() for number in numbers) + 1 - digits)
+        positive = np.maximum(moments, 0)
+        if np.abs(moments).max() <= max(1e-18 * mass, 1e-30):
+            new = np.zeros(3)
+        elif excess <= 2 * np.linalg.norm(last * (tensor != 0), 2) + 3 * last:
+            new = positive + max(0, positive[2] - positive[0] - positive[1]) / 3 * np.array([1, 1, -1])
+        elif mean or self.balance_inertia:
+            new = np.full(3, positive.mean())
+        else:
+            return tensor
+        change = " to ".join(str([float(f"{x:.6g}") for x in values]) for values in (moments, new))
+        self.remarks.append(f"inertia of {item} as printed: its principal moments are balanced, {change}")
+        return axes @ np.diag(new) @ axes.T
+
     def declare_body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
-        """Declare a body, and return it."""
-        word = identifier(name)
+        """Declare a body, and return it; one that is called as a joint gets its tag behind the name."""
+        word, item = identifier(name), f"{tag} {shown(name)}"
+        own = f"{word}_{tag}" if word in self._joints | _RESERVED | _GIVEN else word
+        if own != word:
+            self.remarks.append(f"name of {item}, which a joint or the FMU has: its parameters begin with {own}")
+        if not np.isfinite([inertia.mass, *inertia.centre, *inertia.tensor.flat]).all():
+            self.refuse(item, "its mass, centre of mass or inertia exceeds all numbers; check sizes and places")
         smallest = 1e-15 * np.abs(inertia.tensor).max()
         moments = (inertia.tensor["xyz".index(i), "xyz".index(j)] for i, j in MOMENTS)
         body = Body(
@@ -136,7 +210,7 @@ class Robot:
             tuple(float(moment) if abs(moment) > smallest else 0.0 for moment in moments),
             _floats(inertia.centre * bool(inertia.mass)),
         )
-        self._declare(f"{tag} {shown(name)}", f"{word}_{tag}" if word in self._joints | _RESERVED else word, body)
+        self._declare(item, own, body)
         return body
 
     def declare_joint(self, kind: type[BodyJoint], name: str, ends: tuple[Body, Body], pose: Pose, **more: Any) -> None:
@@ -175,12 +249,18 @@ class Robot:
         missing = next((name for name, is_present in self.prescribe.items() if not is_present), None)
         if missing is not None:
             self.refuse(f"prescribe = {shown(missing)}", f"no joint is called so{suggestion(missing, self._joints)}")
+        if not any(isinstance(item, BodyJoint) for item in self.members.values()):
+            self.refuse(f"<{self.document.tag}>", "it has no joint; a linkage has one that moves")
         if all(isinstance(item, (Body, Weld)) for item in self.members.values()):
             self.refuse("its joints", "none moves; a linkage has one that does")
         general: dict[str, Any] = {
             "__doc__": f"{self.name}, as {self.path.name} describes it.",
             "__module__": f"_file_{self.path.stem}",
-            "left_out": (*(f"{count} {key}" for key, count in self.ignored.items()), *self.remarks),
+            "left_out": (
+                *(f"{count} {key}" for key, count in self.ignored.items()),
+                *(f"{', '.join(keys)} of <{tag}>" for tag, keys in self._unread.items()),
+                *self.remarks,
+            ),
             "visuals": self.visuals,
         }
         if self.gravity is not None:
@@ -198,6 +278,8 @@ class Robot:
         if len(self.members) >= 2 * _MOST_BODIES:
             self.refuse(item, f"the file has more than {_MOST_BODIES} bodies")
         declaration.name, self.members[name] = name, declaration
+        if item in self._elements:
+            self._elements[name] = self._elements[item]
 
 
 def identifier(name: str) -> str:

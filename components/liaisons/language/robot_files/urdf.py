@@ -22,31 +22,39 @@ _JOINTS: dict[str, type[BodyJoint]] = {
     "planar": Planar,
 }
 _SHAPES = {"box": "box", "cylinder": "rod", "sphere": "ball"}
-_READ = [
-    "link",
-    "joint",
-    "material",
-    "inertial",
-    "visual",
-    "parent",
-    "child",
-    "origin",
-    "axis",
-    "limit",
-    "dynamics",
-    "mimic",
-]
+_READ = {  # attributes by tag; elements and attributes that are not here are listed as left out
+    "robot": "name version",
+    "link": "name",
+    "joint": "name type",
+    "inertial": "",
+    "mass": "value",
+    "inertia": "ixx ixy ixz iyy iyz izz",
+    "visual": "name",
+    "geometry": "",
+    "box": "size",
+    "cylinder": "radius length",
+    "sphere": "radius",
+    "parent": "link",
+    "child": "link",
+    "origin": "xyz rpy quat_xyzw",
+    "axis": "xyz",
+    "limit": "lower upper",
+    "dynamics": "damping friction",
+    "mimic": "joint",
+}
 
 
-def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
+def read_urdf(
+    path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+) -> Robot:
     """Bodies, joints and shapes of a URDF file, whose root link is the ground.
 
     :raises ComponentError: for a file that is no tree of links, or has a value that no robot has.
     """
-    robot = Robot(path, "robot", prescribe, limits=limits)
+    robot = Robot(path, "robot", prescribe, limits=limits, balance_inertia=balance_inertia)
+    _refuse_xacro(robot)
     links, joints = _elements_by_name(robot, "link"), _elements_by_name(robot, "joint")
-    for element in (robot.document, *links.values(), *joints.values()):
-        robot.ignored.update(f"<{child.tag}>" for child in element if child.tag not in _READ)
+    _list_unread(robot, robot.document)
     inner: dict[str, str] = {}
     ends = {name: _link_names(robot, name, element, links) for name, element in joints.items()}
     for name, (_, child) in ends.items():
@@ -54,6 +62,8 @@ def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool =
             both = f"joints {shown(inner[child])} and {shown(name)}"
             robot.refuse(f"link {shown(child)}", f"{both} hold it; URDF has trees alone")
         inner[child] = name
+    if not joints:
+        robot.refuse("<robot>", "it has no joint; a linkage has one that moves")
     roots = [name for name in links if name not in inner]
     if len(roots) != 1:
         why = f"{shown(roots)} have no joint to a parent" if roots else "the joints make a circle"
@@ -69,12 +79,31 @@ def read_urdf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool =
     return robot
 
 
+def _refuse_xacro(robot: Robot) -> None:
+    for element in robot.document.iter():
+        if "xacro" in element.tag.partition("}")[0] or any("${" in value for value in element.attrib.values()):
+            tag = element.tag.rpartition("}")[2]
+            robot.refuse(robot.item(f"<{tag}>", element), "it is one of xacro; expand it with xacro first")
+
+
+def _list_unread(robot: Robot, element: Element) -> None:
+    """List elements and attributes that are not read, and what is in those that are."""
+    robot.list_unread(element, _READ[element.tag])
+    for child in element:
+        if child.tag not in _READ:
+            picture = " of a picture" * (element.tag == "geometry")
+            robot.ignored[f"<{child.tag}>{picture}"] += 1
+        else:
+            _list_unread(robot, child)
+
+
 def _elements_by_name(robot: Robot, tag: str) -> dict[str, Element]:
     elements: dict[str, Element] = {}
     for i, element in enumerate(robot.document.findall(tag), start=1):
         name = element.get("name", "")
+        robot.item(f"{tag} {shown(name)}", element)
         if not name or name in elements:
-            robot.refuse(f"<{tag}> {i}", f"name = {shown(name)}: each has a name of its own")
+            robot.refuse(robot.item(f"<{tag}> {i}", element), f"name = {shown(name)}: each has a name of its own")
         elements[name] = element
     return elements
 
@@ -94,6 +123,11 @@ def _link_names(robot: Robot, name: str, element: Element, links: dict[str, Elem
 def _pose(robot: Robot, item: str, element: Element) -> Pose:
     origin = _child_or_empty(element, "origin")
     position, angles = (robot.numbers(item, origin, key, "0 0 0", 3) for key in ("xyz", "rpy"))
+    if "quat_xyzw" in origin.attrib:
+        if "rpy" in origin.attrib:
+            robot.refuse(item, "it has rpy and quat_xyzw; an orientation is given once")
+        quaternion = robot.unit_vector(item, robot.numbers(item, origin, "quat_xyzw", None, 4))
+        return Pose(Rotation.from_quat(quaternion), position)
     return Pose(Rotation.from_euler("xyz", angles), position)
 
 
@@ -104,6 +138,7 @@ def _declare_body(robot: Robot, name: str, link: Element) -> Body:
     pose, element = _pose(robot, item, inertial), _child_or_empty(inertial, "inertia")
     moments = np.array([[robot.number(item, element, f"i{min(i, j)}{max(i, j)}") for j in "xyz"] for i in "xyz"])
     mass = robot.number(item, _child_or_empty(inertial, "mass"), "value", None)
+    moments = robot.balanced(item, moments, " ".join(element.get(key, "0") for key in _READ["inertia"].split()), mass)
     return robot.declare_body(name, MassProperties(mass, pose.origin, pose.rotated_tensor(moments)))
 
 
@@ -112,7 +147,6 @@ def _add_shapes(robot: Robot, item: str, body: Body, link: Element) -> None:
     for visual in link.findall("visual"):
         for shape in _child_or_empty(visual, "geometry"):
             if shape.tag not in _SHAPES:
-                robot.ignored[f"<{shape.tag}> of a picture"] += 1
                 continue
             keys = [key for key in ("size", "radius", "length") if key in shape.attrib]
             size = [x for key in keys for x in robot.numbers(item, shape, key, None, 1, 3, minimum=0)]
@@ -124,6 +158,8 @@ def _add_shapes(robot: Robot, item: str, body: Body, link: Element) -> None:
 def _declare_joint(robot: Robot, name: str, element: Element, ends: tuple[Body, Body]) -> None:
     """Declare a joint; a planar one by three, with the frame turned into its plane and back."""
     item, word = f"joint {shown(name)}", element.get("type", "")
+    if word in ("floating", "planar") and element.find("limit") is not None:
+        robot.remarks.append(f"limits of {item}, which has several coordinates")
     if word not in _JOINTS:
         robot.refuse(item, f"type = {shown(word)}: no joint of URDF{suggestion(word, _JOINTS)}")
     kind, pose = _JOINTS[word], _pose(robot, item, element)
