@@ -10,7 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from trial import HEADERS, compile_library, every_component, every_version, reals, rows, run, some_components
+from trial import (
+    COMPONENTS,
+    HEADERS,
+    SOURCES,
+    compile_library,
+    compile_program,
+    every_component,
+    every_version,
+    reals,
+    rows,
+    run,
+    some_components,
+)
 
 CALLS = 20_000  # at random, a run; some hundred times as many by hand
 SMALL = 50_000  # bytes of generated C
@@ -109,6 +121,24 @@ def counted(printed: str) -> dict[str, tuple[int, int]]:
 )
 def test_calls_at_random_under_sanitizers(sanitized, name, version) -> None:
     sanitized(MEMORY, "fuzz", name, version, "1", str(CALLS))
+
+
+@linux_only
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [
+        ("Pendulum", "2"),
+        ("StringPendulum", "3"),
+        *(pytest.param(name, "3", marks=pytest.mark.slow) for name in COMPONENTS if name != "StringPendulum"),
+    ],
+)
+def test_undefined_behaviour_that_clang_sees(trial, tmp_path, name, version) -> None:
+    """It knows of some that gcc lets pass: offsets of a null pointer."""
+    if not shutil.which("clang"):
+        pytest.skip("clang is not installed")
+    flags, cc = ("-fsanitize=undefined", "-fno-sanitize-recover=all", "-O0"), ["clang"]
+    executable = compile_program([SOURCES / "fuzz.c", SOURCES / "fmu.c"], tmp_path / "fuzz", flags, cc)
+    run(executable, compile_library(trial(name, version), "clang", flags, cc), trial(name, version).plan, "3", "5000")
 
 
 @linux_only

@@ -77,9 +77,8 @@ def test_hold_ignores_the_rates(every_pendulum) -> None:
     )
     moving.step(0.0, 0.1)
     still.step(0.0, 0.1)
-    # The work differs, and with it the internal steps: equal to the tolerance only.
     assert moving.get("theta", "p_theta") == pytest.approx(still.get("theta", "p_theta"), abs=1e-10)
-    assert abs(moving["work"]) > 0.1
+    assert abs(moving["work"]) <= 1e-10  # the length has not moved
 
 
 def test_forces_and_friction(every_pendulum) -> None:
@@ -120,8 +119,6 @@ def test_jump_of_a_rate_leaves_the_momentum_and_closes_the_balance(every_pendulu
     instance.step(jump_at, 1e-9)
     assert instance["p_theta"] == pytest.approx(momentum, abs=1e-8)  # |p'| = m g l sin θ < 10 N.m, for 1e-9 s
     assert instance["work"] - work == pytest.approx(rate**2 / 2, rel=1e-6)  # and 1e-9 s of power of 3 W
-    if mode == HOLD:  # there l stays where it is while l' says that it moves: no balance can close
-        return
     t, steps = jump_at + 1e-9, 100
     for i in range(steps):
         instance.set(length=1.0 + rate * (t - jump_at))
@@ -129,6 +126,8 @@ def test_jump_of_a_rate_leaves_the_momentum_and_closes_the_balance(every_pendulu
         instance.step(t, size)
         t += size
     assert abs(instance["energy_balance"]) <= 1e-9  # 100 steps of 1e-12 * 10 J
+    if mode == HOLD:  # of first order in the size of a step
+        return
     expected = driven([jump_at, end], lambda t: (1 + rate * max(t - jump_at, 0), 0, 0), theta_0=0.8)
     # The reference goes over the kink with steps of its own: 1e-13 each, some 50 of them, sizes up to 10.
     np.testing.assert_allclose(instance.get("theta", "p_theta"), expected[:, 1], atol=1e-9)

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 import pytest
-from driver import MODEL_EXCHANGE, OK, Instance, Library, reals
+from driver import DISCARD, MODEL_EXCHANGE, OK, SIGNATURES, Instance, Library, reals
 from numpy.typing import NDArray
 
 from liaisons.models import BallRow, BouncingBall, DryOscillator
@@ -282,3 +282,16 @@ def test_an_impact_on_a_moving_table_is_found_late(ball: Library, acceleration: 
     assert instance["gap_impulse"] == pytest.approx(leaves - falls, abs=5e-3)
     assert instance["height_dot"] == pytest.approx(leaves - 9.81 * 0.01, abs=5e-3)
     assert instance["height"] == pytest.approx(1 - 9.81 * t**2 / 2 + leaves * 0.01 - 9.81 / 2 * 0.01**2, abs=1e-3)
+
+
+def test_an_event_that_is_discarded_leaves_the_state(ball) -> None:
+    """The energy at this momentum is no number."""
+    instance = ball.running(MODEL_EXCHANGE)
+    states = [1e200] * ball.states
+    instance.do("SetContinuousStates", reals(states), len(states))
+    instance.do("EnterEventMode")
+    before = instance.serialize()
+    update = "NewDiscreteStates" if ball.fmi == "2" else "UpdateDiscreteStates"
+    results = [ctypes.cast(ctypes.create_string_buffer(64), kind) for kind in SIGNATURES[ball.fmi][update]]
+    assert instance.call(update, *results) == DISCARD
+    assert instance.serialize() == before

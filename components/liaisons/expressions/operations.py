@@ -93,8 +93,8 @@ OPERATIONS: dict[int, str] = {
     ca.OP_SIGN: "{0} < 0.0 ? -1.0 : {0} > 0.0 ? 1.0 : {0}",
     ca.OP_CONSTPOW: "pow({0}, {1})",
     # fmin and fmax written out, for they are not vectorised: of a number and not-a-number they return the number
-    ca.OP_FMIN: "({0} < {1}) | ({1} != {1}) ? {0} : {1}",
-    ca.OP_FMAX: "({0} > {1}) | ({1} != {1}) ? {0} : {1}",
+    ca.OP_FMIN: "(({0} < {1}) | ({1} != {1})) ? {0} : {1}",
+    ca.OP_FMAX: "(({0} > {1}) | ({1} != {1})) ? {0} : {1}",
     # & and | instead of && and ||: no branch, so that lanes can decide differently
     ca.OP_LT: "({0} < {1}) ? 1.0 : 0.0",
     ca.OP_LE: "({0} <= {1}) ? 1.0 : 0.0",

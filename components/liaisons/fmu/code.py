@@ -18,7 +18,7 @@ from liaisons.base.array_names import suffixed_name
 from liaisons.base.port_names import impulse_name, jump_name
 from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
-from liaisons.fmu.dependencies import coupled_state_count, state_outputs
+from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, state_outputs
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
@@ -380,7 +380,10 @@ def _contact_result_offsets(contact: ca.Function, contacts: int) -> dict[str, ob
 
 
 class _Table(NamedTuple):
-    """A table in C: the member of the struct ``Model``, that of the number of rows, the type of a row, and all rows."""
+    """A table in C: the member of the struct ``Model``, that of the number of rows, the type of a row, and all rows.
+
+    One without rows has a row of zeros, so that its end is no offset of a null pointer.
+    """
 
     member: str
     size: str
@@ -390,11 +393,13 @@ class _Table(NamedTuple):
     @property
     def definition(self) -> list[str]:
         """Definition of a static C array, as lines."""
+        if not self.rows:
+            return [f"static const {self.kind} {self.member}[1];", ""]
         return [f"static const {self.kind} {self.member}[] = {{", *(f"    {row}," for row in self.rows), "};", ""]
 
 
 def _tables(model: Model) -> list[_Table]:
-    """Return all tables that have rows."""
+    """Return all tables; a member without a number of rows is NULL if there are none."""
     inputs, row = index_ranges(model.inputs), {variable.name: i for i, variable in enumerate(model.variables)}
     active = []
     for a in model.active:
@@ -405,6 +410,7 @@ def _tables(model: Model) -> list[_Table]:
         _Table("variables", "", "Variable", _variable_initializers(model)),
         _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _element_starts(model)]),
         _Table("active", "active_rows", "Active", active),
+        _Table("account", "account_rows", "Account", [_initializer(*account) for account in energy_accounts(model)]),
         _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_flags(model)]),
         _Table("state", "state_rows", "State", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
         _Table(
@@ -423,12 +429,14 @@ def _tables(model: Model) -> list[_Table]:
         ),
         _Table("reaction", "reaction_rows", "Reaction", _reaction_initializers(model)),
     ]
-    return [table for table in tables if table.rows]
+    return [table for table in tables if table.rows or table.size]
 
 
 def _contact_tables(model: Model) -> Iterator[_Table]:
     """Yield the tables of unilateral liaisons and dry frictions, whose rows have indices in the memory."""
+    kinds = {"gap": "Gap", "friction": "DryFriction", "operator": "size_t", "indicator": "size_t"}
     if not model.contacts:  # then a long chain need not be flattened
+        yield from (_Table(member, f"{member}s", kind, ()) for member, kind in kinds.items())
         return
     slot = {name: i for i, name in enumerate(model.memory)}
     gaps = [c for c in model.contacts if not c.friction]

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array, hstack
 
 from liaisons.base.array_names import array_and_index
 from liaisons.expressions.row_functions import row_function
-from liaisons.fmu.layout import TIME, scalar_count
+from liaisons.fmu.layout import TIME, index_ranges, scalar_count
 from liaisons.language import Variable
 from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
@@ -71,6 +71,20 @@ def running_outputs(model: Model) -> ca.Function:
     arguments = model.sample.sx_in()
     memory = model.sample.call(arguments, True, False)
     return ca.Function("running", arguments, model.outputs_function.call([*arguments[:4], *memory], True, False))
+
+
+def energy_accounts(model: Model) -> list[tuple[int, int, int]]:
+    """Return for each mechanism the index of T + V among the outputs, of work and dissipated energy among the states.
+
+    None where nothing is prescribed, so that all work is done by forces.
+    """
+    outputs, states = index_ranges(model.outputs), index_ranges(state_outputs(model))
+    parts = [name.removesuffix("work") for name in states if model.active and name.split(".")[-1] == "work"]
+    return [
+        (outputs[energy].start, states[f"{part}work"].start, states[f"{part}dissipated"].start)
+        for part in parts
+        if (energy := f"{part}energy") in outputs
+    ]
 
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:

@@ -37,7 +37,7 @@ import numpy as np
 from scipy.integrate import RK45
 
 from liaisons.base.hermite import upper_coefficients
-from liaisons.fmu.dependencies import coupled_state_count
+from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import mismatch_memory_index
 from liaisons.language import Variable
@@ -96,6 +96,9 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
     size = ca.if_else(ca.logic_and(nominals > 0, nominals < math.inf), nominals, 1)
     u = inputs(n.H, n.H, n.mode, n.u, n.target)
     projected = n.y if model.project is None else model.project(n.t, n.y, u, n.k)
+    for energy, work, _ in energy_accounts(model) if model.project else ():  # takes back what σ̇ has moved a held σ
+        change = [model.outputs_function(n.t, states, u, n.k, n.m)[energy] for states in (n.y, projected)]
+        projected[work] += ca.if_else(n.mode == _HOLD, change[1] - change[0], 0)
     reached = n.mode == _INTERPOLATE
     past = {"past_H": ca.if_else(reached, 0, n.H), "past_u": ca.if_else(reached, u, n.u)}
     drawn = {} if model.draw is None else {"drawn": model.draw(*point)}
@@ -107,7 +110,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
         "leap": _runge_kutta_step(n, _jump_rates(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
         "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
-        "advance": _runge_kutta_step(n, _motion_rates(model, n, inputs)),
+        "advance": _runge_kutta_step(n, _motion_rates(model, n, inputs, active)),
         "finish": {"u": u, "y": projected, "m": model.remember(n.t, projected, u, n.k, n.m), **past},
         "remember": {"m": model.remember(*point, n.m)},
     }
@@ -135,10 +138,13 @@ def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
     return ca.Function("inputs", [x, H, mode, start, end], [ca.densify(u)], {"cse": True})
 
 
-def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
+def _motion_rates(
+    model: Model, n: SimpleNamespace, inputs: ca.Function, active: list[list[int]]
+) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """Return the function (x, y) → dy/dt inside a step; NaN outside of a domain.
 
-    Time is kept between the earliest and the latest, that is on one side of an event.
+    Time is kept between the earliest and the latest, that is on one side of an event.  Work is done along σ and σ̇ of
+    the step: power is that along σ̇ and σ̈, by which σ and σ̇ do not move in mode 0; see ``core_correct_work``.
     """
     now, y, u, k = model.derivatives.sx_in()
     valid = [margin > 0 for margin in ca.vertsplit(model.conditions(now, y, u, k))]
@@ -146,11 +152,20 @@ def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Call
     for value, (low, high) in zip(ca.vertsplit(u), map(allowed_range, model.inputs), strict=True):
         valid += [value >= low, value <= high]
     trap = ca.if_else(reduce(ca.logic_and, valid, ca.SX(1)), 0, math.nan)
-    rates = ca.Function("rates", [now, y, u, k], [ca.densify(model.derivatives(now, y, u, k) + trap)], {"cse": True})
+    holds, unmoved, moved = ca.SX.sym("holds"), model.derivatives(now, y, u, k), ca.SX.zeros(u.numel())
+    for value, rate, acceleration in active:
+        moved[value], moved[rate] = u[rate], u[acceleration]
+    z = model.outputs_function(now, y, u, k, ca.SX(model.start.numel_out(1), 1))
+    for energy, work, dissipated in energy_accounts(model):
+        power = unmoved[work] - ca.jtimes(z[energy], u, moved)
+        if model.project:
+            power = ca.jtimes(z[energy], y, unmoved) + ca.jacobian(z[energy], now) + unmoved[dissipated]
+        unmoved[work] = ca.if_else(holds, power, unmoved[work])
+    rates = ca.Function("rates", [now, y, u, k, holds], [ca.densify(unmoved + trap)], {"cse": True})
 
     def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
         t = ca.fmax(n.earliest, ca.fmin(n.latest, n.t + x))
-        return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k)
+        return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k, n.mode == _HOLD)
 
     return slopes
 

@@ -56,6 +56,10 @@ typedef struct { /* a prescribed coordinate: indices of its first of `count` num
     long mismatch; /* where m has what is found of them, or NO_MISMATCH */
 } Active;
 
+typedef struct { /* an energy account: where z has T + V, and y the work done and what is dissipated */
+    size_t energy, work, dissipated;
+} Account;
+
 /* What a jump of a prescribed coordinate does: it moves states; and for a pair: the rates of both are factors in those
  * of the states, so that a jump of both has no limit. */
 enum { JUMPS = 1, MIXES = 2 };
@@ -106,10 +110,11 @@ typedef struct {
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
-    size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
+    size_t variable_rows, start_rows, active_rows, account_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their indices; the time follows them */
     const Start *starts;
     const Active *active;
+    const Account *account; /* of mechanisms, where anything is prescribed */
     const unsigned char *jumps; /* of each pair of prescribed numbers; or NULL: jumps move no states */
     const State *state;
     const Dimension *dimensions;

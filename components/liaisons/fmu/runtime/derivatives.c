@@ -1,7 +1,7 @@
 /* Directional and adjoint derivatives, and derivatives of the outputs with respect to time. */
 #include <string.h>
 
-#include "instance.h"
+#include "inputs.h"
 
 /* ---- d.z from d.t, d.y, d.u, d.k, and back -------------------------------------------------------------------- */
 
@@ -132,6 +132,33 @@ void core_jacobian(Instance *self, double time, const double y[], double J[]) {
         d->y[j] = 0;
         for (size_t i = 0; i < n; i++) J[i * n + j] = d->z[core_index_of_state(model, i, 1) - first];
     }
+}
+
+/* dE/dt is power - dissipation + ∂E/∂σ (dσ/dt - σ̇) + ∂E/∂σ̇ (dσ̇/dt - σ̈).  Where states are projected they are off their
+ * constraints in between, where this does not hold: there the work is what the energy gains, and what is dissipated. */
+void core_correct_work(Instance *self, double t, const double y[], double f[]) {
+    const Model *model = self->model;
+    const Vectors *v = &self->v;
+    Directions *d = &self->d;
+    const int projected = model->project != NULL;
+    const double time = self->step.start + t, now = before_limit(self, time), H = self->step.size;
+    clear(self);
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
+        const Mover *value = mover_of(self, p->value), *rate = mover_of(self, p->rate);
+        d->u[p->value] = (value == NULL ? 0 : input_slope(value, t / H) / H) - (projected ? 0 : v->u[p->rate]);
+        d->u[p->rate] = (rate == NULL ? 0 : input_slope(rate, t / H) / H) - (projected ? 0 : v->u[p->acceleration]);
+    }
+    if (projected) {
+        d->t = 1;
+        memcpy(d->y, f, model->states * sizeof *f);
+    }
+    evaluate(self, model->calculate, time, y, v->z);
+    self->known.current = 0;
+    const double *arguments[] = {&now, y, v->u, v->k, v->m, v->z, &d->t, d->y, d->u, d->k, d->m};
+    double *results[] = {d->z};
+    CALL(model->calculate_forward, arguments, results);
+    for (const Account *account = model->account; account < model->account + model->account_rows; account++)
+        f[account->work] = d->z[account->energy] + f[projected ? account->dissipated : account->work];
 }
 
 /* Address of the direction of a known variable; NULL if it is not known in this phase. */

@@ -66,9 +66,9 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const int jumps = self->s->jumped, touches = has_contacts(); /* in an event of a contact, perhaps */
     const int samples = self->model->sample != NULL;
     *changed = jumps; /* derivatives have, perhaps: the importer is to start its solver again */
-    self->s->jumped |= touches || samples;
-    if (self->s->jumped) {
+    if (jumps || touches || samples) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
+        self->s->jumped = 1;
         if (touches && self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
         core_compare(self);
         const int taken = core_take_impulses(self);

@@ -118,6 +118,31 @@ void core_settle_movers(Instance *self) {
     self->movers.count = kept;
 }
 
+/* Rounding errors of an importer's polynomials stay below this part of their coefficients. */
+static const double ROUNDING = 1e-12;
+
+/* Whether the derivative of what an input does in a step of size H is something else than what another one does. */
+static int differ(Instance *self, size_t index, size_t rate, double H) {
+    const Mover *mover = mover_of(self, index), *other = mover_of(self, rate);
+    double differences = 0, sizes = 0;
+    for (int j = 0; j < ORDER; j++) {
+        const double slope = mover == NULL ? 0 : (j + 1) * mover->c[j + 1];
+        const double said = H * (other != NULL ? other->c[j] : j == 0 ? self->v.u[rate] : 0);
+        differences += fabs(slope - said);
+        sizes += fabs(slope) + fabs(said);
+    }
+    return differences > ROUNDING * sizes;
+}
+
+int core_moves_apart(Instance *self) {
+    if (self->model->account_rows == 0) return 0;
+    if (self->s->reconstruction != HOLD && !self->s->expanded && self->options.request_inputs == NULL) return 0;
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
+        if (differ(self, p->value, p->rate, self->step.size) || differ(self, p->rate, p->acceleration, self->step.size))
+            return 1;
+    return 0;
+}
+
 int core_activity(const Instance *self) {
     const Model *model = self->model;
     const size_t first = model->parameters, end = first + model->inputs;

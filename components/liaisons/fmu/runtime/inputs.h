@@ -10,6 +10,8 @@ void core_reconstruct(Instance *, double H);
 void core_request_inputs(Instance *, double time, double H);
 /* Find the degrees of the polynomials, and leave out those of inputs that do not move after all. */
 void core_settle_movers(Instance *);
+/* Whether a prescribed value or rate does not move in this step as its rate or acceleration says. */
+int core_moves_apart(Instance *);
 /* What the inputs do in this step: LOADS, MOVES. */
 int core_activity(const Instance *);
 

@@ -99,6 +99,7 @@ typedef struct { /* the communication step under way */
     /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
     double discarded_from, discarded_size;
     int event; /* it ends early at an event of a contact, which the importer is to handle */
+    int apart; /* σ or σ̇ does not move as σ̇ and σ̈ say, as where they are held */
 } Step;
 
 typedef struct { /* the inputs that move inside the step */
@@ -234,6 +235,8 @@ void core_leap(Instance *);         /* move the states along with jumps */
 
 /* ---- generated functions ---- */
 
+/* Correct the rates of work: power is that along σ̇ and σ̈, work is done along the σ and σ̇ of this step; z is then another. */
+void core_correct_work(Instance *, double t, const double y[], double f[]);
 /* The derivatives of the rates of coupled states by these, row after row; z is then another. */
 void core_jacobian(Instance *, double time, const double y[], double J[]);
 

@@ -14,7 +14,10 @@
 /* Rates of all states. */
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return (Signal)evaluate(self, self->step.motion->all, self->step.start + t, y, f);
+    if (!self->step.apart) return (Signal)evaluate(self, self->step.motion->all, self->step.start + t, y, f);
+    evaluate(self, self->step.motion->all, self->step.start + t, y, f);
+    core_correct_work(self, t, y, f);
+    return GO_ON;
 }
 
 /* Rates of the states that act on the motion. */
@@ -47,6 +50,20 @@ static Signal intermediate_update(Instance *self, double t) {
     return STOP;
 }
 
+/* Book the work of a projection from y to d.y: where σ is held, it takes back what σ̇ has moved. */
+static void book_projection(Instance *self, double time, const double y[]) {
+    const Model *model = self->model;
+    double *projected = self->d.y;
+    const Account *const end = model->account + model->account_rows;
+    evaluate(self, model->calculate, time, y, self->v.z);
+    for (const Account *account = model->account; account < end; account++)
+        projected[account->work] -= self->v.z[account->energy];
+    evaluate(self, model->calculate, time, projected, self->v.z);
+    for (const Account *account = model->account; account < end; account++)
+        projected[account->work] += self->v.z[account->energy];
+    self->known.current = 0;
+}
+
 /* After a step of the solver: project the states, check conditions, tell the importer. */
 static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
@@ -56,6 +73,7 @@ static Signal accept(void *context, double t, double y[]) {
     if (!move_inputs(self, t)) return STOP;
     if (model->project != NULL) { /* back onto constraints and unit quaternions */
         evaluate(self, model->project, self->step.start + t, y, self->d.y);
+        if (self->step.apart) book_projection(self, self->step.start + t, y);
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
@@ -343,6 +361,7 @@ static int advance(Instance *self, double time, double size) {
     core_reconstruct(self, size);
     if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
     core_settle_movers(self);
+    self->step.apart = core_moves_apart(self);
     self->step.motion = &self->model->motions[core_activity(self)];
     if (!core_check_conditions(self, time, self->v.y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
