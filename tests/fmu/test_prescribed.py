@@ -7,7 +7,7 @@ is the limit of an ever faster straight motion, where that has one: for the swin
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -358,45 +358,49 @@ def test_steps_that_are_rolled_back_are_not_complained_about(library) -> None:
 
 # ---- the account -------------------------------------------------------------------------------------------------
 
-RATES = {"consistent": (1, 1), "half": (0.5, 0), "of the other sign": (-1, -1), "accelerations of it": (1, -1), "0": (0, 0)}
-WAVE = 0.03, 3.0  # amplitude and angular frequency
-STEPS = 40, 0.02
+RATES = {"consistent": (1, 1), "half": (0.5, 0), "other sign": (-1, -1), "acceleration's": (1, -1), "missing": (0, 0)}
+SOLVERS: dict[str, dict[str, int]] = {
+    "explicit": {},
+    "symplectic": {"symplectic_steps": 2},
+    "stiff": {"stiff_solver": 1},
+    "python": {},
+}
+MOVED_PORTS: dict[str, tuple[type[Component], float]] = {"pivot_x": (Pendulum, 0.0), "length": (CartesianPendulum, 1.0)}
+STEPS, SIZE = 40, 0.02
 
 
-def prescribed_wave(names: Sequence[str], begin: float, factors: tuple[float, float], t: float) -> dict[str, float]:
-    """A wave that begins at rest; its rate and its acceleration have wrong factors."""
-    (a, w), (rate, acceleration) = WAVE, factors
-    values = begin + a * (1 - np.cos(w * t)), rate * a * w * np.sin(w * t), acceleration * a * w**2 * np.cos(w * t)
-    return dict(zip(names, values, strict=True))
+def wave_of(name: str, factors: tuple[float, float]) -> Callable[[float], dict[str, float]]:
+    """A wave that begins at rest; its rate and its acceleration have these factors."""
+    a, w, (rate, acceleration), begin = 0.03, 3.0, factors, MOVED_PORTS[name][1]
+    return lambda t: {
+        name: begin + a * (1 - np.cos(w * t)),
+        f"{name}_dot": rate * a * w * np.sin(w * t),
+        f"{name}_ddot": acceleration * a * w**2 * np.cos(w * t),
+    }
 
 
-@pytest.mark.parametrize("settings", [{}, {"symplectic_steps": 2}, {"stiff_solver": 1}], ids=str)
-@pytest.mark.parametrize(("component", "name", "begin"), [(Pendulum, "pivot_x", 0.0), (CartesianPendulum, "length", 1.0)])
-def test_work_is_done_along_the_motion_that_is_integrated(
-    library, target: str, mode: int, component: type[Component], name: str, begin: float, settings: dict[str, int]
-) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", MOVED_PORTS)
+def test_work_is_done_along_the_motion_that_is_integrated(library, mode: int, name: str, solver: str) -> None:
     """The account closes whatever the rates say; where they are right the work is that of the operator."""
-    if target == "python" and settings:
-        return  # it has one solver
-    names, (count, size) = [f"{name}{end}" for end in ("", "_dot", "_ddot")], STEPS
-    works = {}
+    component, works = MOVED_PORTS[name][0], {}
+    fmu = library(component, "python" if solver == "python" else "fmi2")
     for rates, factors in RATES.items():
-        start = {"tolerance": 1e-10, **settings, **prescribed_wave(names, begin, factors, 0.0)}
-        instance = library(component, target).start(input_reconstruction=mode, **start)
-        worst = 0.0
-        for i in range(count):
-            instance.set(prescribed_wave(names, begin, factors, (i + (mode == INTERPOLATE)) * size))
-            instance.step(i * size, size)
+        inputs, worst = wave_of(name, factors), 0.0
+        instance = fmu.start(input_reconstruction=mode, tolerance=1e-10, **SOLVERS[solver], **inputs(0.0))
+        for i in range(STEPS):
+            instance.set(inputs((i + (mode == INTERPOLATE)) * SIZE))
+            instance.step(i * SIZE, SIZE)
             worst = max(worst, abs(instance["energy_balance"]))
         # Energies of 10 J, 40 steps with an error of 1e-10 each; equal steps miss more of wrong rates, interpolated.
-        assert worst <= (1e-6 if "symplectic_steps" in settings else 1e-8), rates
+        assert worst <= (1e-6 if solver == "symplectic" else 1e-8), rates
         works[rates] = instance["work"]
-    # By hand: the energy of the same motion with small steps; what is held is of first order, 1 % of 0.2 J here.
-    instance = library(component, "fmi2").start(tolerance=1e-12, **prescribed_wave(names, begin, (1, 1), 0.0))
+    # What the energy gains along the same motion in small steps; what is held is of first order, 1 % of 0.2 J here.
+    inputs, fine = wave_of(name, RATES["consistent"]), 500
+    instance = library(component).start(tolerance=1e-12, **inputs(0.0))
     energy = instance["energy"]
-    fine = 500
-    instance.follow(count * size / fine, fine, lambda t: prescribed_wave(names, begin, (1, 1), t))
-    instance.set(prescribed_wave(names, begin, (1, 1), count * size))
+    instance.follow(STEPS * SIZE / fine, fine, inputs)
+    instance.set(inputs(STEPS * SIZE))
     assert works["consistent"] == pytest.approx(instance["energy"] - energy, abs=0.01 if mode == HOLD else 1e-3)
 
 

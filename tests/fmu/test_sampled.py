@@ -103,6 +103,8 @@ def test_a_step_across_a_sample_is_refused(library, target: str) -> None:
     late = f"{LATE}; at t = 0.03 it does not (-0.02); the step from t = 0 is taken back"
     instance.step(0.0, 1.5 * T, DISCARD, late)
     instance.step(0.0, 1.5 * T, ERROR, late)
+    many = f"{LATE}, or a longer period: before t = 0.05 there are samples at t = 0.02, 0.04 and so on"
+    instance.step(0.0, 2.5 * T, ERROR, f"{many}; the step from t = 0 is taken back")
     instance = library(Integrator, target).start(reading=1.0)
     instance.step(0.0, 1.5 * T, DISCARD, late)
     instance.step(0.0, T)

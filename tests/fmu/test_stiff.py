@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from bodies import Sledge
-from driver import ERROR, Library
+from driver import DISCARD, ERROR, Library
 from handmade import libration
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
@@ -219,3 +219,13 @@ def test_more_states_than_its_matrices_take_are_refused(folder) -> None:
     message = "stiff_solver = 1: PendulumChain has 1002 states, the stiff solver takes 1000; set 0"
     instance = library.initializing()
     instance.set_integer("stiff_solver", 1, ERROR, message)
+
+
+def test_a_communication_step_that_is_much_too_long_is_named(folder) -> None:
+    """Concentrations move within 0.1 s at first: in 1e12 s the solver has no step for that, in shorter ones it has."""
+    instance = Library(build(assemble(Hires), folder)).start(stiff_solver=1, tolerance=1e-8)
+    asks = "from t = 0 the tolerance 1e-08 asks for solver steps of less than 1e-13 of it"
+    text = f"the communication step of 1e+12 s is too long: {asks}; choose a shorter one"
+    instance.step(0.0, 1e12, DISCARD, f"{text}; the step from t = 0 is taken back")
+    instance.step(0.0, 1e6)
+    instance.step(1e6, 1e12)

@@ -57,8 +57,6 @@ static const double SHRINK = 0.2, GROW = 6.0, SAFETY = 0.85;
  * MANY steps, and said behind so many IN_SUCCESSION (Hairer, Norsett, Wanner, II.10: DOP853, its test for stiffness). */
 static const double LIMIT = 6.1;
 enum { MANY = 200, IN_SUCCESSION = 15 };
-/* A step below this fraction of the interval gets nowhere. */
-static const double SMALLEST = 1e-13;
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 

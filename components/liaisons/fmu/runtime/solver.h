@@ -4,6 +4,9 @@
 
 #include <stddef.h>
 
+/* A step below this fraction of the interval gets nowhere. */
+#define SMALLEST 1e-13
+
 typedef enum { GO_ON, STOP } Signal; /* GO_ON is 0, which generated functions return */
 typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED, CROSSED } Outcome;
 typedef Signal Rates(void *context, double t, const double y[], double f[]); /* f = dy/dt */

@@ -90,7 +90,7 @@ static int watch(void *context, double t, const double y[], double values[]) {
     return 1;
 }
 
-/* Report why no step from a time inside the communication step is small enough. */
+/* Report why no step from a time inside the communication step is small enough; 1 if that is all that is known. */
 static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
     const double time = self->step.start + t;
@@ -114,7 +114,8 @@ static int explain_stuck(Instance *self, double t) {
         return core_because(self,
                             "the symplectic step from t = %.9g does not converge: symplectic_steps = %d is not enough",
                             time, (int)self->s->symplectic_steps);
-    return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
+    core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
+    return 1;
 }
 
 /* Report that too many steps are needed. */
@@ -255,10 +256,16 @@ static int move_states(Instance *self) {
             }
             self->step.returning = 0;
             break;
-        case STUCK:
-            explain_stuck(self, t);
+        case STUCK: {
+            const int unexplained = explain_stuck(self, t);
             self->step.curable = t > 0 || shorter_leads_on(self, &problem);
+            if (unexplained && t == 0 && self->step.curable)
+                core_because(self,
+                             "the communication step of %.6g s is too long: from t = %.9g the tolerance %g asks for solver "
+                             "steps of less than %.0e of it; choose a shorter one",
+                             self->step.size, start, self->s->tolerance, SMALLEST);
             return 0;
+        }
         case EXHAUSTED:
             return explain_exhausted(self, t, "solver steps");
         case CROSSED:
@@ -318,10 +325,25 @@ static int outputs_are_finite(Instance *self) {
     return 0;
 }
 
+/* Say, where several samples were passed, that the step is long: what divides their period would be very short. */
+static void explain_passed_samples(Instance *self) {
+    const Model *model = self->model;
+    const double first = core_next_instant(self, self->v.k, self->step.start);
+    const double second = core_next_instant(self, self->v.k, first);
+    size_t i = 0;
+    while (i + 1 < model->conditions && self->scratch.condition[i] > 0) i++;
+    if (second < self->s->time && strstr(model->condition_texts[i], "each sample") != NULL)
+        core_because(self, "%s, or a longer period: before t = %.9g there are samples at t = %.9g, %.9g and so on",
+                     model->condition_texts[i], self->s->time, first, second);
+}
+
 /* At the end of a step: whether it has passed no sample; that of its end if the inputs of this instant are known. */
 static int take_last_sample(Instance *self, int inputs_known) {
     self->step.curable = 1;
-    if (!core_check_conditions(self, self->s->time, self->v.y, self->model->conditions)) return 0;
+    if (!core_check_conditions(self, self->s->time, self->v.y, self->model->conditions)) {
+        explain_passed_samples(self);
+        return 0;
+    }
     if (self->options.use == USE_CO_SIMULATION_WITH_EVENTS || (self->model->inputs > 0 && !inputs_known)) return 1;
     return core_sample(self);
 }

@@ -37,8 +37,6 @@ static const double ERROR[STAGES] = {-10.048809399827416, 1.382142733160749, -0.
 static const double SHRINK = 0.2, GROW = 8, KEEP = 1.2, SAFETY = 0.9;
 /* Iterations that contract faster than this leave the Jacobian as it is for the next step. */
 static const double FAST = 1e-3;
-/* A step below this fraction of the interval gets nowhere. */
-static const double SMALLEST = 1e-13;
 
 #define FOR_EACH(i, n) for (size_t i = 0; i < (n); i++)
 
