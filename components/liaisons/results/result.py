@@ -42,8 +42,8 @@ class Result(LabelledSignals):
         (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
         Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of the error that coupling and impacts add in each step, relative
-        to the size of the signal, the largest of all signals, shape (times,); not-a-number where it is unknown, for
-        instance where an impulse is lost.
+        to the largest value of the signal's unit in the run, the largest of all signals, shape (times,); not-a-number
+        where it is unknown, for instance where an impulse is lost.  Their sum is the error of the run.
     :param compiled: of an ensemble, whether compiled code simulated it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.

@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Indices, Memory, as_indices
+from liaisons.cosim.arrays import Memory, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Components, Port
@@ -46,14 +46,14 @@ def driven_input(feeds: Feeds, drive: VariableReference) -> VariableReference:
     return next(target for target, source in feeds.items() if source == drive)
 
 
-def unit_numbers(parts: Components, feeds: Feeds, references: Iterable[VariableReference]) -> Indices:
-    """Number of the unit of each variable; a variable that is no Real has a number of its own."""
+def units_of(parts: Components, feeds: Feeds, references: Iterable[VariableReference]) -> list[str]:
+    """Unit of each variable; a variable that is no Real has one of its own."""
     units: list[str] = []
     for reference in references:
         name, variable = driven_input(feeds, reference) if reference[0] == SIGNALS else reference
         scalar = parts[name].fmu.variables[variable]
         units.append(scalar.unit if scalar.type == "Real" else f"{name}.{variable}")
-    return np.unique(units, return_inverse=True)[1]
+    return units
 
 
 @final
@@ -161,7 +161,7 @@ class Signals:
         self.held[: self.count] = [not self._is_continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         self.rates[: self.count] = [self._rate_index(reference) for reference in references]
-        self.kinds = unit_numbers(parts, feeds, references)
+        self.kinds = np.unique(units_of(parts, feeds, references), return_inverse=True)[1]
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
         self.memory = Memory([self.ends, self.earlier, self.since])

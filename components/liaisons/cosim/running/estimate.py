@@ -122,17 +122,18 @@ class Estimate:
 
     :param followed: polynomials of inputs.
     :param columns: variable -> its column on the bus.
-    :param kinds: number of the unit of each column, shape (width,).
+    :param units: unit of each column.
     :param mechanisms: those with contacts.
     :ivar can_estimate: whether any error can be estimated.
-    :ivar worst: the largest error of a step; None if all are 0.
+    :ivar worst: the largest error of a step; None if all are 0.  ``total`` is that of all steps.  Of both, angles are
+        relative to 1 rad at least, as what they move is off by that part of its distance.
     """
 
     def __init__(
         self,
         followed: Iterable[InputReconstruction],
         columns: Mapping[VariableReference, int],
-        kinds: Indices,
+        units: Sequence[str],
         mechanisms: Sequence[ContactMechanism] = (),
     ) -> None:
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
@@ -146,7 +147,9 @@ class Estimate:
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
         self._targets, self._starts = np.unique(targets, return_index=True)
         self.can_estimate = len(self._targets) > 0
+        kinds = np.unique(units, return_inverse=True)[1]
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
+        self._are_angles = np.array([units[column] == "rad" for column in self._targets], dtype=bool)
         self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
         self._kinds = kinds
         owners = {column: owner for (owner, _), column in columns.items()}
@@ -164,9 +167,10 @@ class Estimate:
         """Forget all steps."""
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
+        self.total = 0.0
 
     def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
-        """The error that each step adds, relative to the largest value of the signal's unit so far.
+        """The error that each step adds, relative to the largest value of the signal's unit in the run.
 
         :param rows: values of the bus, shape (points, width).
         :param crossing: which points are ends of tiny steps to breaks.
@@ -175,6 +179,9 @@ class Estimate:
         errors = np.zeros(len(times))
         if not self.can_estimate:
             return errors
+        peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[self._targets]
+        self._sizes = np.array([peaks[targets].max() for targets in self._of_kind])
+        serious = np.zeros(len(times))
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])
         for first in range(1, len(times), block):
@@ -182,10 +189,13 @@ class Estimate:
             signals = np.ascontiguousarray(rows[begin:end].T)
             ends = crossing[begin + 1 : end]
             errors[first:end] = self._estimate_block(signals, times[begin:end], first - begin, ends)
+            serious[first:end] = self._serious[first - begin - 1 :]
             off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
         for watched, *both in zip(self._mechanisms, off, added, strict=True):
             if np.any(both):
-                np.fmax(errors, self._magnify_by_impacts(watched, rows, times, *both, crossing=crossing), out=errors)
+                increase = self._magnify_by_impacts(watched, rows, times, *both, crossing=crossing)
+                errors, serious = np.fmax(errors, increase), np.fmax(serious, increase)
+        self.total = float(np.nansum(serious))
         return errors
 
     def _magnify_by_impacts(
@@ -267,11 +277,13 @@ class Estimate:
                 means[item] * self._distance_per_input(watched, item, signals) for item in watched.items
             )
             self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
-        latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
+        totals[self._are_angles] *= np.fmin(scales[self._are_angles, 1:], 1.0)
+        self._serious = serious = totals.max(axis=0)
+        latest = first - 1 + int(np.argmax(np.nan_to_num(serious[first - 1 :])))
         target = int(np.argmax(totals[:, latest]))
         start, end = (*self._starts, len(added))[target : target + 2]
         item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end, latest])))]]
-        self._update_worst(errors[latest], times[latest + 1], self._targets[target], item, steps[latest])
+        self._update_worst(serious[latest], times[latest + 1], self._targets[target], item, steps[latest])
         return errors[first - 1 :]
 
     def _distance_per_input(self, watched: _Watched, k: int, signals: Vector) -> float:

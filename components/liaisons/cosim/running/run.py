@@ -32,7 +32,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls, communication_calls
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import connected_port_outputs, unit_numbers
+from liaisons.cosim.coupling.signals import connected_port_outputs, units_of
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
@@ -145,7 +145,7 @@ class Run:
             self._estimate = Estimate(
                 input_reconstructions(simulation, self._bus, self._deviations.columns),
                 self._bus.index,
-                unit_numbers(parts, simulation.feeds, self._bus.index),
+                units_of(parts, simulation.feeds, self._bus.index),
                 contact_mechanisms(simulation, self._bus),
             )
             self._breaks = Breaks(simulation, self._instances, self._bus)
@@ -717,7 +717,7 @@ class Run:
             words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
             logger.warning(words, result.title, len(late), len(self.lateness), max(late))
         if self._estimate.worst is not None and not self._missing:
-            self._estimate.worst.warn(float(np.nansum(self._error)))
+            self._estimate.worst.warn(float(np.nansum(self._errors)) if self._errors else self._estimate.total)
         return result
 
     def _errors_by_point(self, in_result: Indices) -> Vector:
