@@ -22,7 +22,7 @@ from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, stat
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
-from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_memory_index, scalar_count
+from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_memory_index, scalar_count, start_rates
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
@@ -409,6 +409,7 @@ def _tables(model: Model) -> list[_Table]:
     tables = [
         _Table("variables", "", "Variable", _variable_initializers(model)),
         _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _element_starts(model)]),
+        _Table("start_rates", "start_rate_rows", "StartRate", [_initializer(*row) for row in start_rates(model)]),
         _Table("active", "active_rows", "Active", active),
         _Table("account", "account_rows", "Account", [_initializer(*account) for account in energy_accounts(model)]),
         _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_flags(model)]),

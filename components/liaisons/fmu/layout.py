@@ -88,6 +88,21 @@ def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
     return u, k
 
 
+def start_rates(model: Model) -> list[tuple[int, int]]:
+    """Return the indices of the start values of rates that constraints may change, each with that of its rate."""
+    if not any("the rate of " in text for text in model.condition_texts):
+        return []
+    indices = index_ranges(model.variables)
+    own = {name for state in model.states for name in (state.name, f"{state.name}_0")}
+    pairs = []
+    for parameter in model.parameters:
+        array, bracket, index = parameter.name.partition("[")
+        rate = f"{array.removesuffix('_0')}{bracket}{index}"
+        if array.endswith("_0") and rate in indices and rate not in own:
+            pairs += zip(indices[parameter.name], indices[rate], strict=True)
+    return pairs
+
+
 def mismatch_memory_index(model: Model, prescribed: ActiveInput) -> int:
     """Return the memory index of a prescribed coordinate's mismatch; -1 if it has none."""
     names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")

@@ -25,7 +25,7 @@ from pathlib import Path
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import first_reference, mismatch_memory_index
+from liaisons.fmu.layout import first_reference, mismatch_memory_index, start_rates
 from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
 from liaisons.mechanics.model import Model
 
@@ -72,6 +72,7 @@ def _component_table(model: Model, guid: str) -> bytes:
         "impulses": [first + i for i, variable in enumerate(model.inputs) if variable.variability == "discrete"],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
         "warnings": _prescribed_motion_warnings(model),
+        "start_rates": start_rates(model),
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),

@@ -21,6 +21,9 @@ DOUBTFUL = 30.0
 _LARGEST_DOUBT = 1e-3
 """Square of a singular value that is relied on however large residuals are."""
 
+_HELD = 1e-4
+"""Slack of a given rate beside that of a constraint: where both cannot hold, the constraint is broken, and refused."""
+
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
 
@@ -144,6 +147,21 @@ def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Co
         kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
         momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
     return ca.vertcat(on_constraints, momenta)
+
+
+def consistent_momenta(m: Mechanism, metric: Inertia, loose: ca.SX, constraints: Constraints, given: ca.SX) -> ca.SX:
+    """Momenta whose rates keep holonomic constraints and differ least from A⁻¹ (p - b), but in no rate that is given.
+
+    :param loose: A⁻¹ (p - b) (f,).
+    :param given: 1 for each rate that is, else 0 (f,).
+    """
+    rows, zero = list(constraints.holonomic), ca.SX.zeros(*m.free.p.shape)
+    if not rows:
+        return m.free.p
+    C, held = ca.vertcat(constraints.matrix[rows, :], ca.diag(given)), ca.diag(_HELD * ca.SX.ones(*given.shape))
+    residuals = ca.vertcat(ca.substitute(constraints.rate_residuals[rows, 0], m.free.q_dot, loose), zero)
+    _, push = metric.solve_constrained(C, zero, residuals, ca.vertcat(constraints.squares[rows, :], held))
+    return m.free.p - m.free.frame @ (C.T @ push)
 
 
 def _projected_coordinates(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX:

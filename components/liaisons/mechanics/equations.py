@@ -34,6 +34,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import (
     STABILISATION,
     Constraints,
+    consistent_momenta,
     constrained_velocities,
     differentiated_constraints,
     multipliers,
@@ -92,6 +93,8 @@ class Equations:
     dissipation: ca.SX  # power lost by friction and non-holonomic constraints
     internal_rates: ca.SX
     projection: ca.SX | None  # of (x, p) onto constraints and unit quaternions
+    start_momenta: ca.SX  # ∂L/∂ẋ at rates on the constraints, of which some are given
+    given_rates: ca.SX  # symbols: 1 for those, else 0 (f,)
     convergence: ca.SX  # must stay > 0 if velocities belong to momenta (f,); (0,) where L is quadratic in ẋ
 
     @property
@@ -192,6 +195,7 @@ def derive(component: type[Mechanism]) -> Equations:
     C = constraints.matrix
     velocities, mu = constrained_velocities(m, metric, loose, constraints)
     lambdas = multipliers(metric, f, constraints)
+    given = ca.SX.sym("given", q_dot.shape[0])
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
@@ -243,5 +247,7 @@ def derive(component: type[Mechanism]) -> Equations:
         dissipation=dissipation - constraint_power,
         internal_rates=m.internal_rate_column(),
         projection=projection(m, metric, loose, constraints),
+        start_momenta=consistent_momenta(m, metric, loose, constraints, given),
+        given_rates=given,
         convergence=dynamics.convergence,
     )

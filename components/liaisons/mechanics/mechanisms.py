@@ -162,7 +162,25 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
     both = ca.vertcat(*rows, equations.energy if short else ca.SX(0, 1))
     motion = ca.vertcat(m.free.q, m.free.q_dot)
     p_0, energy = ca.vertsplit(ca.substitute(both, motion, start(motion)), [0, p.shape[0], both.shape[0]])
-    return [start(m.free.q), p_0, start(m.internal)], energy
+    state = ca.vertcat(m.free.q, m.free.p, equations.given_rates)
+    at_start = ca.vertcat(start(m.free.q), p_0, _given_rates(m, symbols))
+    return [start(m.free.q), ca.substitute(equations.start_momenta, state, at_start), start(m.internal)], energy
+
+
+def _given_rates(m: Mechanism, symbols: dict[str, ca.SX]) -> ca.SX:
+    """Column with 1 for each rate whose start value is not as declared, else 0; those of an orientation together."""
+    declared = {v.name: v.start for v in m.layout().flat().parameters}
+
+    def changed(column: ca.SX) -> list[ca.SX]:
+        names = [suffixed_name(str(x), "_0") for x in ca.vertsplit(column)]
+        return [symbols[name] != declared[name] for name in names]
+
+    count, rates, momenta = len(m.coordinates), m.free.q_dot, m.free.p
+    given = changed(rates[:count, 0])
+    for orientation, i in zip(m.orientations, range(count, rates.shape[0], 3), strict=True):
+        column = momenta if orientation.start == "momentum" else rates
+        given += 3 * [ca.mmax(ca.vertcat(*changed(column[i : i + 3, 0])))]
+    return ca.vertcat(*given)
 
 
 def _nominal_states(equations: Equations) -> ca.SX:

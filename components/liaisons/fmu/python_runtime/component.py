@@ -26,6 +26,7 @@ class ComponentTable:
     impulses: list[int]  # value references of the sums of impulses, which are not taken
     never_0: list[int]  # value references of the active coordinates of which 0 is not allowed
     warnings: list[tuple[int, list[str]]]  # for each mismatch its index in the memory, and texts: contradiction, jump
+    start_rates: list[tuple[int, int]]  # indices of their start values, and of rates that constraints may change
     condition_texts: list[str]
     lasting: int  # number of conditions that the motion has to satisfy; the others are for the start alone
     numbers: dict[str, list[float]]  # of a new instance

@@ -19,6 +19,7 @@ from .component import ComponentTable
 # less than rounding allows.
 _PART, _LEAST = 0.02, 1e-14
 _MOST_STEPS, _SMALLEST = 100_000, 1e-13  # internal steps in an interval; smallest one relative to it
+_CHANGED = 1e-6  # a rate that is further from its start value, of 1, is another
 _SHRINK, _GROW, _SAFETY = 0.2, 6.0, 0.85  # factors of the step size: limits, and what keeps most from rejection
 
 
@@ -64,7 +65,11 @@ class Motion:
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
             raise MotionError("the initial state is not finite")
-        self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
+        try:
+            self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
+        except MotionError as reason:
+            contradicted = "the rate of " in str(reason)
+            raise MotionError(f"{reason}{self._given_rates() if contradicted else ''}") from None
         if not np.isfinite(n.m).all():
             raise MotionError("the initial energy is not finite")
         self.apply_function("outputs")
@@ -74,6 +79,26 @@ class Motion:
         for i in np.flatnonzero(~np.isfinite(z)) if np.isfinite(n.z).all() else ():  # functions of time overflow
             name = component.names[component.first + n.k.size + n.given.size + i - 1]
             raise MotionError(f"{name} = {z[i]:g} at t = {t:.9g}: it must be finite")
+
+    def _given_rates(self) -> str:
+        """Words for the rates that are not at their defaults, of which not all can hold."""
+        component, k = self._component, self.n.k
+        given = [start for start, _ in component.start_rates if k[start] != component.numbers["k"][start]]
+        words = (f"{component.names[component.first + i - 1]} = {k[i]:.9g}" for i in given)
+        return f"; given are {', '.join(words)}" if given else ""
+
+    def changed_rates(self) -> str:
+        """Words for rates that are others than their start values, for constraints; empty: there are none."""
+        n, component = self.n, self._component
+        first, words = n.k.size + n.given.size, []
+        if component.start_rates:
+            self.apply_function("outputs")
+        for start, rate in component.start_rates:
+            value, given = n.z[rate - first], n.k[start]
+            if abs(value - given) > _CHANGED * (1 + abs(given)):
+                found, parameter = (component.names[component.first + i - 1] for i in (rate, start))
+                words.append(f"{found} = {value:.6g} for {parameter} = {given:.6g}")
+        return f"rates at the start follow from the constraints: {', '.join(words)}" if words else ""
 
     def apply_inputs(self) -> None:
         """Set the inputs at the present time to those that the importer gave, unless they are interpolated."""

@@ -105,6 +105,8 @@ class Slave(Fmi2Slave):
         try:
             if not self._unusable:  # times are finite
                 self._motion.initialize()
+                if text := self._motion.changed_rates():
+                    self.log(text, Fmi2Status.warning)
         except MotionError as reason:
             self._unusable = f"{reason}; reset, set another value and initialize again"
         self._stepping = True

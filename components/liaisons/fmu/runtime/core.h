@@ -49,6 +49,10 @@ typedef struct { /* a start value that is not that of its variable */
     double value;
 } Start;
 
+typedef struct { /* a rate that constraints may change at the start, and its start value: their indices */
+    size_t start, rate;
+} StartRate;
+
 enum { NO_MISMATCH = -1 };
 
 typedef struct { /* a prescribed coordinate: indices of its first of `count` numbers among the inputs */
@@ -110,9 +114,10 @@ typedef struct {
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
-    size_t variable_rows, start_rows, active_rows, account_rows, state_rows, dimension_rows;
+    size_t variable_rows, start_rows, start_rate_rows, active_rows, account_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their indices; the time follows them */
     const Start *starts;
+    const StartRate *start_rates;
     const Active *active;
     const Account *account; /* of mechanisms, where anything is prescribed */
     const unsigned char *jumps; /* of each pair of prescribed numbers; or NULL: jumps move no states */

@@ -1,4 +1,5 @@
 /* An instance from its memory to its end, and calls of the component's functions. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -186,6 +187,9 @@ void core_exit_configuration(Instance *self) { self->s->phase = INSTANTIATED; }
 
 void core_enter_initialization(Instance *self) { self->s->phase = INITIALIZATION; }
 
+/* A rate that is further from its start value, of 1, is another. */
+static const double CHANGED = 1e-6;
+
 /* Whether outputs are finite, unless it is not the start time that they owe it to: functions of time overflow at 1e300. */
 static int starts_in_time(Instance *self) {
     const Model *model = self->model;
@@ -198,6 +202,41 @@ static int starts_in_time(Instance *self) {
     return !all_finite(self->v.z, outputs) || core_because_infinite(self);
 }
 
+/* Say which rates are others than their start values, for constraints. */
+static void report_start_rates(Instance *self) {
+    const Model *model = self->model;
+    const size_t first = model->parameters + model->inputs;
+    char text[TEXT];
+    size_t length = 0;
+    if (model->start_rate_rows > 0) core_update(self);
+    for (const StartRate *row = model->start_rates; row < model->start_rates + model->start_rate_rows; row++) {
+        const double start = self->v.k[row->start], rate = self->v.z[row->rate - first];
+        if (fabs(rate - start) <= CHANGED * (1 + fabs(start)) || length >= sizeof text) continue;
+        length += (size_t)snprintf(text + length, sizeof text - length, "%s%s = %.6g", length > 0 ? ", " : "",
+                                   core_name(self, row->rate), rate);
+        if (length < sizeof text)
+            length += (size_t)snprintf(text + length, sizeof text - length, " for %s = %.6g",
+                                       core_name(self, row->start), start);
+    }
+    if (length > 0) core_report(self, WARNING, "rates at the start follow from the constraints: %s", text);
+}
+
+/* Add the rates that are not at their defaults to a refusal of rates that cannot all hold. */
+static void add_given_rates(Instance *self) {
+    const Model *model = self->model;
+    const char *separator = "; given are ";
+    if (strstr(self->words.text, "the rate of ") == NULL) return;
+    for (size_t row = 0; row < model->start_rate_rows; row++) {
+        const size_t index = model->start_rates[row].start, length = strlen(self->words.text);
+        double value = core_variable_at(model, index)->start;
+        for (size_t i = 0; i < model->start_rows; i++)
+            if (model->starts[i].index == index) value = model->starts[i].value;
+        if (self->v.k[index] == value) continue;
+        snprintf(self->words.text + length, TEXT - length, "%s%s = %.9g", separator, core_name(self, index), self->v.k[index]);
+        separator = ", ";
+    }
+}
+
 Status core_exit_initialization(Instance *self) {
     core_start(self);
     if (self->refused && core_check_domains(self, self->s->time))
@@ -205,8 +244,11 @@ Status core_exit_initialization(Instance *self) {
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
-        || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)) || !starts_in_time(self))
+        || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)) || !starts_in_time(self)) {
+        add_given_rates(self);
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
+    }
+    report_start_rates(self);
     core_measure(self);
     core_follow(self);
     core_note_impulses(self);
