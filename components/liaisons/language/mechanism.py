@@ -337,9 +337,10 @@ def _singularity_reason(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
 
 def is_positive_definite(matrix: np.ndarray) -> bool:
     """Whether a mass matrix is finite and positive definite."""
-    finite = bool(np.all(np.isfinite(matrix)))
+    if not np.all(np.isfinite(matrix)):
+        return False
     least = np.min(np.linalg.eigvalsh(matrix), initial=np.inf)  # all coordinates may be prescribed
-    return finite and bool(least > 1e-14 * np.max(np.abs(matrix), initial=0.0))
+    return bool(least > 1e-14 * np.max(np.abs(matrix), initial=0.0))
 
 
 def _trial_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:

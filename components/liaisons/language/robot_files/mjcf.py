@@ -1,6 +1,7 @@
 """MJCF: the format of models of MuJoCo."""
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from math import pi
 from pathlib import Path
 from typing import Any, TypeAlias, final
@@ -34,7 +35,6 @@ _READ = {  # attributes by tag; what others have is listed as left out
     "weld": "name class body1 body2 relpose active",
 }
 _SECTIONS = ["compiler", "option", "default", "worldbody", "equality"]
-_NO_VOLUME = ["plane", "hfield"]
 _DENSITY = "1000"  # [kg/m3] of a geom without mass
 
 
@@ -57,17 +57,19 @@ class _Reader:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.compiler, self.flags = self._merged("compiler"), self._merged("option/flag")
-        self.unit = pi / 180 if self._word(self.compiler, "angle", "degree", "radian") == "degree" else 1.0
-        self.autolimits = self._word(self.compiler, "autolimits", "true", "false") == "true"
-        self._word(self.compiler, "coordinate", "local")
-        self.balances = self._word(self.compiler, "balanceinertia", "false", "true") == "true"
-        self.from_geoms = self._word(self.compiler, "inertiafromgeom", "auto", "true", "false")
+        keyword = partial(self._word, "<compiler>", self.compiler)
+        self.unit = pi / 180 if keyword("angle", "degree", "radian") == "degree" else 1.0
+        self.autolimits = keyword("autolimits", "true", "false") == "true"
+        keyword("coordinate", "local")
+        self.balances = keyword("balanceinertia", "false", "true") == "true"
+        self.from_geoms = keyword("inertiafromgeom", "auto", "true", "false")
         self.sequence = self.compiler.get("eulerseq", "xyz")
         if len(self.sequence) != 3 or set(self.sequence.lower()) - {*"xyz"}:
             robot.refuse("<compiler>", f"eulerseq = {shown(self.sequence)}: it has three letters of xyzXYZ")
         self.groups = robot.numbers("<compiler>", self.compiler, "inertiagrouprange", "0 5", 2)
         self.least = [robot.number("<compiler>", self.compiler, key) for key in ("boundmass", "boundinertia")]
-        self.total_mass = robot.number("<compiler>", self.compiler, "settotalmass", "-1")
+        if robot.number("<compiler>", self.compiler, "settotalmass", "-1") > 0:
+            robot.refuse("<compiler>", "settotalmass is not read; scale the masses")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for element in robot.document.findall("default"):
             self._read_default(element, "main", "main")
@@ -99,29 +101,20 @@ class _Reader:
             self._read_contents(world, ground, Pose(), Pose(), "main")
         for element in robot.document.findall("equality/*"):
             self._read_equality(element)
-        self._scale_masses()
 
-    def _scale_masses(self) -> None:
-        """Scale all masses and moments of inertia to the total mass that the compiler asks for."""
-        bodies = [item for item in self.robot.members.values() if isinstance(item, Body)]
-        total = sum(body.mass for body in bodies)
-        for body in bodies if self.total_mass > 0 and total else ():
-            body.mass *= self.total_mass / total
-            body.inertia = (np.array(body.inertia) * self.total_mass / total).tolist()
-
-    def _word(self, element: Element, key: str, default: str, *others: str) -> str:
+    def _word(self, item: str, element: Element, key: str, default: str, *others: str) -> str:
         """Keyword of an attribute, one of these."""
         word = element.get(key, default)
         if word not in (default, *others):
             allowed = " or ".join(map(repr, (default, *others)))
-            self.robot.refuse(f"<{element.tag}>", f"{key} = {shown(word)}: only {allowed} is read")
+            self.robot.refuse(item, f"{key} = {shown(word)}: only {allowed} is read")
         return word
 
     def _has(self, flag: str) -> bool:
         """Whether a part of mechanics is not disabled by its flag, or by that of all constraints."""
         of_constraints = flag in ("frictionloss", "limit", "equality", "contact")
         flags = [flag, *["constraint"] * of_constraints]
-        return all(self._word(self.flags, name, "enable", "disable") == "enable" for name in flags)
+        return all(self._word("<flag>", self.flags, name, "enable", "disable") == "enable" for name in flags)
 
     def _list_unread(self, element: Element) -> None:
         self.robot.list_unread(element, _READ.get(element.tag, "name class"))
@@ -256,7 +249,7 @@ class _Reader:
         law = self._joint_law(item, element)
         if armature := robot.number(item, element, "armature"):
             robot.remarks.append(f"armature = {armature:g} of {item}")
-        more: dict[str, Any] = {} if kind == "free" else law
+        more: dict[str, Any] = {} if kind == "free" else {key.removesuffix("loss"): law[key] for key in law}
         if kind == "free":
             robot.remarks += [f"{key} of {item}, which is free" for key, value in law.items() if value]
         if kind in ("hinge", "slide"):
@@ -267,24 +260,20 @@ class _Reader:
     def _joint_law(self, item: str, element: Element) -> dict[str, Any]:
         """Stiffness, damping and dry friction of a joint."""
         robot = self.robot
-        law = {"friction": robot.number(item, element, "frictionloss", minimum=0) * self._has("frictionloss")}
+        law = {"frictionloss": robot.number(item, element, "frictionloss", minimum=0) * self._has("frictionloss")}
         for key, flag in (("stiffness", "spring"), ("damping", "damper")):
             value, *higher = robot.numbers(item, element, key, "0", 1, 2, 3, minimum=0)
             law[key] = value * self._has(flag)
             if any(higher):
-                why = f"{key} = {shown(element.get(key))}: only the first number is read; delete the others"
-                robot.refuse(item, why)
-        if all(robot.numbers(item, element, "springdamper", "0 0", 2) > 0):
-            robot.refuse(item, "springdamper is not read; give stiffness and damping")
-        if robot.number(item, element, "springyield") > 0:
-            robot.refuse(item, "springyield is not read; its springs stay elastic, delete it")
-        if robot.number(item, element, "ref") or (law["stiffness"] and robot.number(item, element, "springref")):
-            robot.refuse(item, "ref, springref: coordinates and springs of a linkage begin at 0; delete them")
+                robot.refuse(item, f"{key} = {shown(element.get(key))}: delete all but the first number")
+        for key in ("ref", "springdamper", *["springref", "springyield"] * bool(law["stiffness"])):
+            if robot.numbers(item, element, key, "0", 1, 2).any():
+                robot.refuse(item, f"{key}: coordinates and springs of a linkage begin at 0; delete it")
         return law
 
     def _joint_limits(self, item: str, element: Element, kind: str) -> dict[str, Any]:
         """Limits of a joint, if it has any."""
-        limited = self._word(element, "limited", "auto", "true", "false")
+        limited = self._word(item, element, "limited", "auto", "true", "false")
         text = shown(element.get("range"))
         low, high = self.robot.numbers(item, element, "range", "0 0", 2) * (1.0 if kind == "slide" else self.unit)
         if limited == "auto" and "range" in element.attrib and not self.autolimits:
@@ -300,32 +289,27 @@ class _Reader:
 
     def _mass_properties(self, item: str, element: Element, childclass: str, *, is_fixed: bool) -> MassProperties:
         """MassProperties of a body: as its <inertial> says, else the sum over its geoms; then as the compiler asks."""
-        inertial, robot = element.find("inertial"), self.robot
-        least_mass, least_moment = self.least
+        inertial, robot, text = element.find("inertial"), self.robot, ""
         if inertial is None or (self.from_geoms == "true" and element.find("geom") is not None):
             named = [(self._geom_item(geom, item), geom) for geom in element.findall("geom")]
             geoms = [(label, self._resolved(label, geom, childclass)) for label, geom in named]
             of_groups = [g for g in geoms if self.groups[0] <= robot.number(*g, "group") <= self.groups[1]]
             parts = [part for g in of_groups for part in self._geom_mass_properties(*g, is_fixed=is_fixed)]
-            whole, text = _total_mass_properties(parts if self.from_geoms != "false" else []), "0"
+            mass, centre, tensor = _total_mass_properties(parts if self.from_geoms != "false" else [])
+            pose = Pose(origin=centre)
         else:
             self._list_unread(inertial)
-            pose = self._pose(item, inertial)
-            if text := inertial.get("fullinertia", ""):
-                moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-            else:
-                moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
-                text = inertial.get("diaginertia", "")
-            mass = robot.number(item, inertial, "mass", None)
-            if least_moment == 0:
-                moments = robot.balanced(item, moments, text, mass, mean=self.balances)
-            whole = MassProperties(mass, pose.origin, pose.rotated_tensor(moments))
-        if any(self.least):
-            moments, axes = np.linalg.eigh(whole.tensor)
+            pose, mass = self._pose(item, inertial), robot.number(item, inertial, "mass", None)
+            key, count = ("fullinertia", 6) if "fullinertia" in inertial.attrib else ("diaginertia", 3)
+            numbers, text = robot.numbers(item, inertial, key, None, count), inertial.get(key, "")
+            tensor = np.diag(numbers) if count == 3 else numbers[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        least_mass, least_moment = self.least
+        if least_moment > 0 and np.isfinite(tensor).all():
+            moments, axes = np.linalg.eigh(tensor)
             tensor = axes @ np.diag(np.maximum(moments, least_moment)) @ axes.T
-            tensor = robot.balanced(item, tensor, text, whole.mass, mean=self.balances)
-            whole = whole._replace(mass=max(whole.mass, least_mass), tensor=tensor)
-        return whole
+        tensor = robot.balanced(item, tensor, text, mass, mean=self.balances)
+        mass = max(mass, least_mass) if least_mass else mass
+        return MassProperties(mass, pose.origin, pose.rotated_tensor(tensor))
 
     def _geom_item(self, geom: Element, owner: str) -> str:
         return self.robot.item(f"geom {shown(geom.get('name', 'without name'))} of {owner}", geom)
@@ -351,7 +335,7 @@ class _Reader:
         density = 0.0 if "mass" in geom.attrib else self.robot.number(item, geom, "density", _DENSITY, minimum=0)
         if not (mass or density):
             return
-        if is_fixed and (kind in _NO_VOLUME or (kind not in _SOLIDS and self.total_mass <= 0)):
+        if is_fixed and kind not in _SOLIDS:
             return
         if kind not in _SOLIDS or geom.get("shellinertia", "false") != "false":
             self.robot.refuse(item, f"the mass of its geom of type {shown(kind)} is not computed; give <inertial>")
@@ -378,7 +362,7 @@ class _Reader:
         robot, name = self.robot, element.get("name") or f"{element.tag}_{len(self.robot.members)}"
         item, owner = robot.item(f"{element.tag} {shown(name)}", element), element.get("body1", "")
         element = self._resolved(item, element, "main", "equality")
-        if self._word(element, "active", "true", "false") == "false" or not self._has("equality"):
+        if self._word(item, element, "active", "true", "false") == "false" or not self._has("equality"):
             robot.remarks.append(f"{item}, which is not active")
             return
         if element.tag not in _CLOSING or not owner or "relpose" in element.attrib:

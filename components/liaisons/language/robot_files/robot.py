@@ -175,13 +175,15 @@ class Robot:
         :param text: numbers that were rounded.
         :param mean: whether any other wrong tensor gets the mean of its moments; so it does by ``balance_inertia``.
         """
+        if not np.isfinite(tensor).all():
+            return tensor
         moments, axes = np.linalg.eigh(tensor)
         excess = max(moments[2] - moments[0] - moments[1], -moments[0])
         if moments[0] >= -1e-12 * moments[2] and excess <= 1e-9 * moments[2]:
             return tensor
         numbers = [number for number in map(Decimal, text.split()) if number]
-        digits = max(3, *(len(number.as_tuple().digits) for number in numbers))
-        last = 0.5 * 10.0 ** (max(number.adjusted() for number in numbers) + 1 - digits)
+        digits = max([3, *(len(number.as_tuple().digits) for number in numbers)])
+        last = 0.5 * 10.0 ** (max([number.adjusted() for number in numbers], default=-400) + 1 - digits)
         positive = np.maximum(moments, 0)
         if np.abs(moments).max() <= max(1e-18 * mass, 1e-30):
             new = np.zeros(3)

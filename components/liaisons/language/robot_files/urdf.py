@@ -67,7 +67,7 @@ def read_urdf(
     roots = [name for name in links if name not in inner]
     if len(roots) != 1:
         why = f"{shown(roots)} have no joint to a parent" if roots else "the joints make a circle"
-        robot.refuse("its links", f"{why}; one is the root")
+        robot.refuse(robot.item("its links", links[(roots or [*links])[-1]]), f"{why}; one is the root")
     bodies = {
         name: ground if name == roots[0] else _declare_body(robot, name, element) for name, element in links.items()
     }
