@@ -38,6 +38,7 @@ _FMI_HEADERS = {
 _MOST = 11  # arguments: those of calculate_forward
 _MOST_WITH_TABLE = 12
 _MOTION = ("derivatives", "motion")
+_MOST_NAMED = 4  # prescribed coordinates that a sentence names
 _LARGE = 1500  # operations of the rates, of which those of loads are few: one function for all activities
 _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion of prescribed coordinates
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
@@ -346,6 +347,7 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "outputs": scalar_count((*model.outputs, *model.drawn)),
         "states": model.start.numel_out(0),
         "memory": model.start.numel_out(1),
+        "residuals": model.reach.numel_out(0) if model.reach else 0,
         "events": 1 if model.table and model.table.has_events else model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
         "redundant": model.redundant,
@@ -421,6 +423,7 @@ def _tables(model: Model) -> list[_Table]:
             [_initializer(_c_string(d.name), d.count) for d in model.dimensions],
         ),
         _Table("condition_texts", "start_conditions", "char *const", [*map(_c_string, model.condition_texts)]),
+        _Table("reaches", "reach_rows", "Reach", _reach_initializers(model)),
         *_contact_tables(model),
         _Table(
             "impulse",
@@ -465,6 +468,16 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
         "operator", "operators", "size_t", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]
     )
     yield _Table("indicator", "indicators", "size_t", [str(first + index[name]) for name in model.flat().indicators])
+
+
+def _reach_initializers(model: Model) -> list[str]:
+    """Return a C initializer for each constraint: its text, and where what is prescribed for it is in ``reach``."""
+    rows, first = [], len(model.reaches)
+    for reach in model.reaches:
+        names = [*map(_c_string, reach.prescribed[:_MOST_NAMED])]
+        rows.append(_initializer(_c_string(reach.text), first, len(names), _initializer(*names or ["NULL"])))
+        first += len(reach.prescribed)
+    return rows
 
 
 def _load_impulses(model: Model) -> list[tuple[int, range]]:

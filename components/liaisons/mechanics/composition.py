@@ -19,7 +19,7 @@ from liaisons.expressions.algebra import at_zero
 from liaisons.language.layout import Layout
 from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import results_of
-from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
+from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, Reach, domain_conditions
 from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long_chain, refuse_many_contacts
 
 
@@ -69,6 +69,7 @@ def compose(
         **joined.functions(layout),
         start_only=sum(part.start_only for part in parts),
         redundant=sum(part.redundant for part in parts),
+        reaches=_concatenated(parts, "reaches"),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_prefixed_equations(models, connections)),
     )
@@ -105,6 +106,7 @@ def _prefixed(part: str, model: Model) -> Model:
         memory=tuple(map(full, model.memory)),
         contacts=tuple(contact.renamed(full) for contact in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
+        reaches=tuple(Reach(f"{part}: {r.text}", tuple(map(full, r.prescribed))) for r in model.reaches),
         active=tuple(ActiveInput(*map(full, item)) for item in model.active),
         ports=tuple(
             Terminal(full(p.name), p.kind, tuple(TerminalMember(m.role, full(m.variable)) for m in p.members))
@@ -206,6 +208,11 @@ class _Joined:
                 for part in self.parts
             )
             results["project"] = connected(self._to_column(rows))
+        bounded = [part for part in self.parts if part.model.reach is not None]
+        if bounded:
+            rows = [(len(part.model.reaches), part.function_results("reach")[0]) for part in bounded]
+            columns = [*(row[:count] for count, row in rows), *(row[count:] for count, row in rows)]
+            results["reach"] = connected(self._to_column(columns))
         announcing = [part.function_results("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
         results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
         conditions = {text: connected(row) for text, row in self._conditions().items()}

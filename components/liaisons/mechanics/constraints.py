@@ -27,6 +27,13 @@ _HELD = 1e-4
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
 
+KEPT, KEPT_RATE = 1e-9, 1e-7
+"""Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept; the same of rates,
+which momenta give as exactly as the mass matrix is conditioned."""
+
+ROUNDING = 1e-13
+"""Residual, in its own unit, that is rounding where its gradient vanishes."""
+
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
@@ -78,6 +85,23 @@ def _squared_coefficients(m: Mechanism, C: ca.SX) -> ca.SX:
     entries = stack(C[i, j] for i, j in zip(*C.sparsity().get_triplet(), strict=True))
     changes = ca.jacobian(entries, m.free.q) @ ca.diag(m.free.sizes)
     return ca.SX(C.sparsity(), entries**2 + ca.sum2(changes**2))
+
+
+def residuals_by_rounding(m: Mechanism, constraints: Constraints) -> ca.SX:
+    """Residuals in units of what a projection leaves where the constraints can be kept; within 1 they are (c,).
+
+    That is far more than rounding, and far less than what is missing where a prescribed coordinate goes too far.
+    """
+    C, q_dot = constraints.matrix, m.free.q_dot
+    coordinates, rates = (ca.repmat(column.T, C.shape[0], 1) for column in (m.free.rate_sizes, q_dot))
+    moved = ca.jacobian(constraints.residuals, m.active.s) * ca.repmat(m.active.s.T, C.shape[0], 1)
+    scales = ca.sqrt(ca.sum2((C * coordinates) ** 2) + ca.sum2(moved**2))
+    fast = ca.sqrt(ca.sum2((C * coordinates) ** 2) + ca.sum2((C * rates) ** 2))
+    allowed = [
+        KEPT * scales[i] + ROUNDING if i in constraints.holonomic else KEPT_RATE * fast[i] + ROUNDING
+        for i in range(C.shape[0])
+    ]
+    return ca.SX(constraints.residuals / stack(allowed)) if allowed else ca.SX(0, 1)
 
 
 def constrained_velocities(

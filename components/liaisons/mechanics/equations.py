@@ -39,6 +39,7 @@ from liaisons.mechanics.constraints import (
     differentiated_constraints,
     multipliers,
     projection,
+    residuals_by_rounding,
 )
 from liaisons.mechanics.dynamics import dynamics_of
 from liaisons.mechanics.friction import Dissipation
@@ -92,6 +93,7 @@ class Equations:
     friction: Dissipation
     dissipation: ca.SX  # power lost by friction and non-holonomic constraints
     internal_rates: ca.SX
+    residuals_by_rounding: ca.SX  # within 1 where the constraints are kept (c,)
     projection: ca.SX | None  # of (x, p) onto constraints and unit quaternions
     start_momenta: ca.SX  # ∂L/∂ẋ at rates on the constraints, of which some are given
     given_rates: ca.SX  # symbols: 1 for those, else 0 (f,)
@@ -246,6 +248,7 @@ def derive(component: type[Mechanism]) -> Equations:
         friction=rubbing,
         dissipation=dissipation - constraint_power,
         internal_rates=m.internal_rate_column(),
+        residuals_by_rounding=residuals_by_rounding(m, constraints),
         projection=projection(m, metric, loose, constraints),
         start_momenta=consistent_momenta(m, metric, loose, constraints, given),
         given_rates=given,

@@ -8,6 +8,7 @@ Vectors are named by letters, see :mod:`liaisons.mechanics.model`; of functions 
 ``d``  what only the picture needs, or the next event: calculated when it is read
 ``i``  event indicators, below 0 where the mode of a contact ends
 ``n``  numbers that modes of contacts are chosen by, by name
+``r``  residuals of the constraints, which are kept where all are between -1 and 1, and what is prescribed for each
 ``x``  contact forces
 ``Λ``  impulses of the contacts
 ``ν``  distances to move along the gaps
@@ -56,6 +57,8 @@ SIGNATURES: Mapping[str, Signature] = {
     "nominals": Signature("tyuk", "y", "nominals"),
     # state put back onto constraints after a step of the solver
     "project": Signature("tyuk", "y", "project"),
+    # whether constraints are kept
+    "reach": Signature("tyuk", "r", "reach"),
     # of contacts: numbers without contact forces, the state after impulses and shifts, event indicators
     "contact": Signature("tyuk", "n", "contact"),
     "push": Signature("tyukmΛν", "yI", "push"),

@@ -17,7 +17,7 @@ from liaisons.mechanics.constraints import ROUNDS
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
-from liaisons.mechanics.model import Model, declared_fields, domain_conditions
+from liaisons.mechanics.model import Model, Reach, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_linkage, of_mechanism
@@ -64,11 +64,12 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     first, first_energy = _initial_state(equations, symbols)
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*first, 0, 0)
     # All in one: what the expressions share stays shared.
-    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed]
+    reaches, reached = _reaches(equations)
+    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed, reached]
     columns += numbers.values()
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
-    initial, first_energy, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
+    initial, first_energy, rates, energy, z, sizes, distances, landed, reached, *columns = ca.vertsplit(together, ends)
     shown = mechanism_picture(m, read | symbols)
     results = with_energy_accounting(
         vectors,
@@ -81,7 +82,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         landed=None if projection is None else landed,
         energy_at_start=first_energy if first_energy.shape[0] else None,
     )
-    results |= {"conditions": distances, "events": ca.SX(0, 1)}
+    results |= {"conditions": distances, "events": ca.SX(0, 1), "reach": reached if reaches else None}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
     texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
     functions = ContactModes(contacts, vectors, results, numbers, flat, memory, texts).functions()
@@ -91,6 +92,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         **functions,
         start_only=len(at_start),
         redundant=_count_redundant(equations, [vectors[letter] for letter in "tyuk"], functions, starts),
+        reaches=reaches,
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
@@ -200,6 +202,19 @@ def _conditions(equations: Equations) -> dict[str, ca.SX]:
     for rate, p, distance in zip(*map(ca.vertsplit, (m.free.q_dot, m.free.p, equations.convergence)), strict=False):
         conditions[f"{rate} must follow from {p} by Newton's method, in its {CHOSEN + FULL} steps"] = distance
     return conditions
+
+
+def _reaches(equations: Equations) -> tuple[tuple[Reach, ...], ca.SX]:
+    """Constraints with the prescribed coordinates they depend on, and the result ``r`` of the function ``reach``."""
+    m, residuals = equations.mechanism, equations.residuals_by_rounding
+    active = m.active
+    reaches, values = [], list[ca.SX]()
+    for item, residual in zip(m.all_constraints, ca.vertsplit(equations.constraints.residuals), strict=True):
+        pairs = zip(ca.vertsplit(active.s), ca.vertsplit(active.s_dot), strict=True)
+        moving = [s for s, s_dot in pairs if ca.depends_on(residual, ca.vertcat(s, s_dot))]
+        reaches.append(Reach(f"{item.name} ({item.description})", tuple(map(str, moving))))
+        values += moving
+    return tuple(reaches), ca.vertcat(residuals, *values)
 
 
 def _start_conditions(equations: Equations) -> dict[str, ca.SX]:

@@ -111,6 +111,18 @@ class Contact:
         return Contact(rename(self.name), self.friction, self.normal and rename(self.normal))
 
 
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """A constraint that may be out of reach.
+
+    :param text: its name and description.
+    :param prescribed: names of the prescribed coordinates that it depends on.
+    """
+
+    text: str
+    prescribed: tuple[str, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Model(Layout):
     """A component, ready to become an FMU.
@@ -132,6 +144,8 @@ class Model(Layout):
     condition_texts: tuple[str, ...]  # one a condition, e.g. "r must stay > 0"
     events: ca.Function
     project: ca.Function | None = None
+    reach: ca.Function | None = None
+    reaches: tuple[Reach, ...] = ()  # one a constraint
     start_only: int = 0  # count of the last conditions, which hold at the start alone
     redundant: int = 0  # count of constraints that follow from the others on all of them
     module: str = ""  # where the component is declared

@@ -97,6 +97,14 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
     size_t loss;
 } DryFriction;
 
+enum { MOST_NAMED = 4 };
+
+typedef struct { /* a constraint: what is said of it, and where `reach` has what is prescribed for it */
+    const char *text;
+    size_t first, count;
+    const char *prescribed[MOST_NAMED];
+} Reach;
+
 #define OFFSET(name) size_t name;
 typedef struct { /* where the numbers of contacts are */
     CONTACT_NUMBERS(OFFSET)
@@ -111,6 +119,7 @@ typedef struct {
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* of the motion, and of the start: these and more */
     size_t redundant; /* so many constraints follow from the others: in model exchange all is calculated on them */
+    size_t reach_rows, residuals; /* constraints, and numbers of `reach` */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
@@ -124,6 +133,7 @@ typedef struct {
     const State *state;
     const Dimension *dimensions;
     const char *const *condition_texts;
+    const Reach *reaches;
     Function *start;         /* (t, u, k) -> (y, m) */
     Motion motions[ACTIVITIES]; /* by what inputs do; the last ones are always right, the others are shorter */
     Function *calculate;     /* (t, y, u, k, m) -> z */
@@ -132,6 +142,7 @@ typedef struct {
     Function *sample;        /* (t, y, u, k, m) -> m after the sample that is due; NULL: it does not sample */
     Function *nominals;      /* (t, y, u, k) -> sizes of y */
     Function *project;       /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
+    Function *reach;         /* (t, y, u, k) -> of each constraint what is left, from -1 to 1 if it is kept; what is prescribed */
     Function *draw;          /* (t, y, u, k) -> the last numbers of z; or NULL */
     Function *distances;     /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
     Function *instants;      /* (k, t) -> when the component is not smooth; at least the first instant after t */

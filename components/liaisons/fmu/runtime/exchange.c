@@ -29,13 +29,25 @@ Status core_get_states(Instance *self, double y[]) {
     return SUCCESS;
 }
 
+/* Multiple of what a projection leaves by which solvers of importers may leave the constraints unasked. */
+static const double UNASKED_DRIFT = 1e3;
+
+/* Whether constraints can be kept near the present states, which a solver lets drift away from them. */
+static int is_within_reach(Instance *self, double t) {
+    const size_t count = states_of_constraints(self->model);
+    if (count == 0 || core_keeps(self, t, self->v.y, UNASKED_DRIFT)) return 1;
+    memcpy(self->scratch.projected, self->v.y, count * sizeof *self->v.y);
+    return core_put_onto_constraints(self, t, self->scratch.projected);
+}
+
 Status core_get_derivatives(Instance *self, double f[]) {
     const double t = self->s->time;
     core_start(self);
+    const int reached = is_within_reach(self, t);
     const double *kept = core_kept_states(self);
     evaluate(self, derivatives_of(self->model), t, kept, self->d.y);
     for (size_t i = 0; i < self->model->states && kept != self->v.y; i++) self->d.y[i] += RETURN * (kept[i] - self->v.y[i]);
-    if (!core_check_domains(self, t) || !core_check_conditions(self, t, self->v.y, self->model->conditions)
+    if (!reached || !core_check_domains(self, t) || !core_check_conditions(self, t, self->v.y, self->model->conditions)
         || !core_check_finite(self, self->d.y, 1, t))
         return core_report(self, DISCARD, "%s", self->words.text);
     memcpy(f, self->d.y, self->model->states * sizeof *f);

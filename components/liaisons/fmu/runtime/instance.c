@@ -68,6 +68,9 @@ static void lay_out(Instance *self) {
     self->scratch.kept = cut(&rest, model->redundant > 0 ? MOST_PROJECTIONS * model->states : 0);
     self->scratch.condition = cut(&rest, model->start_conditions);
     self->scratch.instant = cut(&rest, model->events);
+    self->scratch.residual = cut(&rest, model->residuals);
+    self->scratch.projected = cut(&rest, states_of_constraints(model));
+    self->scratch.anchor = cut(&rest, states_of_constraints(model));
     self->call.reals = cut(&rest, model->reals);
     lay_out_contacts(&self->contacts, &rest, model);
     self->movers.given = rest;
@@ -80,6 +83,7 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + (columns_of_work(model) + (model->redundant > 0 ? MOST_PROJECTIONS : 0)) * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs
+                           + model->residuals + 2 * states_of_constraints(model)
                            + model->rows.count + model->operators + model->indicators;
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;

@@ -98,6 +98,8 @@ typedef struct { /* the communication step under way */
     int curable;          /* it fails, and a shorter one would not */
     /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
     double discarded_from, discarded_size;
+    double kept_until; /* constraints, as far as the solver has come */
+    int torn;          /* it got where constraints are not kept */
     int event; /* it ends early at an event of a contact, which the importer is to handle */
     int apart; /* σ or σ̇ does not move as σ̇ and σ̈ say, as where they are held */
 } Step;
@@ -124,6 +126,8 @@ typedef struct { /* scratch memory */
     double *kept; /* states on their way to the constraints, as often as they were projected, MOST_PROJECTIONS at most */
     size_t projections;
     double *condition, *instant;
+    double *residual;         /* of constraints, and what is prescribed for them */
+    double *projected, *anchor; /* states, on their way onto the constraints, and where these were kept last */
 } Scratch;
 
 typedef struct { /* of a generated function */
@@ -200,6 +204,10 @@ int core_because(Instance *, const char *format, ...);
 int core_outside(Instance *, size_t index, double value, double t);
 int core_check_domains(Instance *, double t);
 int core_check_conditions(Instance *, double t, const double *y, size_t count);
+/* Whether states keep all constraints but for a multiple of rounding. */
+int core_keeps(Instance *, double t, const double *y, double multiple);
+/* Put states onto the constraints, as far as Newton's method leads. */
+int core_put_onto_constraints(Instance *, double t, double *y);
 /* States, or with `derivatives` those. */
 int core_check_finite(Instance *, const double *values, int derivatives, double t);
 
@@ -232,6 +240,9 @@ void core_compare(Instance *);      /* what is prescribed now with what was at t
 int core_compare_ends(Instance *);  /* in interpolation: both ends of the step that begins; whether any of them leaps */
 void core_warn(Instance *);         /* of what has been found before the present step, once for each variable */
 void core_leap(Instance *);         /* move the states along with jumps */
+
+/* Size of the copies of states that are put onto constraints. */
+static inline size_t states_of_constraints(const Model *model) { return model->reach_rows > 0 ? model->states : 0; }
 
 /* ---- generated functions ---- */
 

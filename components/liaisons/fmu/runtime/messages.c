@@ -1,6 +1,7 @@
 /* What is said of calls that fail, and checks of numbers with a reason. */
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "instance.h"
 
@@ -52,6 +53,48 @@ int core_check_conditions(Instance *self, double t, const double *y, size_t coun
         if (!(self->scratch.condition[i] > 0))
             return core_because(self, "%s; at t = %.9g it does not (%.3g)", self->model->condition_texts[i], t,
                                 self->scratch.condition[i]);
+    return 1;
+}
+
+int core_keeps(Instance *self, double t, const double *y, double multiple) {
+    evaluate(self, self->model->reach, t, y, self->scratch.residual);
+    for (size_t i = 0; i < self->model->reach_rows; i++)
+        if (!(fabs(self->scratch.residual[i]) <= multiple)) return 0;
+    return 1;
+}
+
+/* The constraint of which most is left, and what is prescribed for it. */
+static int because_out_of_reach(Instance *self, double t) {
+    const double *left = self->scratch.residual;
+    size_t worst = 0;
+    for (size_t i = 1; i < self->model->reach_rows; i++)
+        if (!(fabs(left[i]) <= fabs(left[worst]))) worst = i;
+    const Reach *reach = &self->model->reaches[worst];
+    char list[TEXT / 2] = "";
+    for (size_t i = 0, length = 0; i < reach->count && length < sizeof list; i++)
+        length += (size_t)snprintf(list + length, sizeof list - length, "%s%s = %.9g", i > 0 ? ", " : "",
+                                   reach->prescribed[i], left[reach->first + i]);
+    if (reach->count == 0)
+        return core_because(self, "%s cannot be kept at t = %.9g: no motion leads on from there", reach->text, t);
+    return core_because(self, "%s cannot be kept: %s at t = %.9g is out of reach; stay within it", reach->text, list, t);
+}
+
+/* Newton's method loses half of what is left in each step near a dead point, where two positions become one. */
+static const double GAIN = 0.9;
+enum { MOST_ROUNDS = 100 };
+
+int core_put_onto_constraints(Instance *self, double t, double *y) {
+    const Model *model = self->model;
+    double before = INFINITY;
+    if (model->reach_rows == 0) return 1;
+    for (int i = 0; !core_keeps(self, t, y, 1); i++) {
+        double left = 0;
+        for (size_t j = 0; j < model->reach_rows; j++) left += fabs(self->scratch.residual[j]);
+        if (i == MOST_ROUNDS || !(left < GAIN * before)) return because_out_of_reach(self, t);
+        before = left;
+        evaluate(self, model->project, t, y, self->d.y);
+        memcpy(y, self->d.y, model->states * sizeof *y);
+    }
     return 1;
 }
 

@@ -76,6 +76,12 @@ static Signal accept(void *context, double t, double y[]) {
         if (self->step.apart) book_projection(self, self->step.start + t, y);
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
+        if (!core_put_onto_constraints(self, self->step.start + t, y)) {
+            self->step.torn = 1;
+            return STOP;
+        }
+        memcpy(self->scratch.anchor, y, states_of_constraints(model) * sizeof *y);
+        self->step.kept_until = t;
     }
     if (has_contacts()) core_uphold(self, self->step.start + t);
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
@@ -90,6 +96,30 @@ static int watch(void *context, double t, const double y[], double values[]) {
     return 1;
 }
 
+/* Find the first instant, a part of the step ahead of t at most, at which what is prescribed leads out of reach; 1 if
+ * there is none. */
+static int stays_in_reach(Instance *self, double t, double part) {
+    const size_t size = states_of_constraints(self->model) * sizeof *self->v.y;
+    double good = t, bad = INFINITY;
+    if (size == 0) return 1;
+    memcpy(self->scratch.anchor, self->v.y, size);
+    for (double ahead = 1e-12 * part; bad == INFINITY || bad - good > 1e-12 * self->step.size; ahead *= 10) {
+        const double next = bad < INFINITY ? (good + bad) / 2 : t + fmin(ahead, part) * self->step.size;
+        if (!move_inputs(self, next)) return 0;
+        memcpy(self->scratch.projected, self->scratch.anchor, size);
+        if (core_put_onto_constraints(self, self->step.start + next, self->scratch.projected)) {
+            if (bad == INFINITY && ahead >= part) return 1;
+            memcpy(self->scratch.anchor, self->scratch.projected, size);
+            good = next;
+        } else
+            bad = next;
+    }
+    return 0;
+}
+
+/* How far ahead of a solver that gets nowhere a reason is looked for, in parts of the communication step. */
+static const double AHEAD = 1e-2;
+
 /* Report why no step from a time inside the communication step is small enough; 1 if that is all that is known. */
 static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
@@ -102,6 +132,8 @@ static int explain_stuck(Instance *self, double t) {
         if (self->scratch.condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
             return core_because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
                                 self->scratch.condition[i]);
+    if (!stays_in_reach(self, t, self->s->symplectic_steps > 0 ? 1. / self->s->symplectic_steps : AHEAD)) return 0;
+    if (!move_inputs(self, t)) return 0;
     /* A number that overflows as soon as the states move. */
     for (size_t i = 0; i < model->states; i++)
         self->scratch.work[i] = self->v.y[i] + 1e-9 * self->step.size * self->d.y[i];
@@ -121,6 +153,7 @@ static int explain_stuck(Instance *self, double t) {
 /* Report that too many steps are needed. */
 static int explain_exhausted(Instance *self, double t, const char *what) {
     self->step.curable = t > 0;
+    if (!stays_in_reach(self, t, AHEAD)) return 0;
     return core_because(self, "more than %d %s are needed beyond t = %.9g: something moves very fast", MOST_STEPS, what,
                         self->step.start + t);
 }
@@ -221,6 +254,22 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
     return t > 0;
 }
 
+/* A step of the solver, relative to the communication step, that is as good as none. */
+static const double SHORTEST = 1e-10;
+
+/* Go back to where the constraints were kept last, for a shorter step of the solver; 0 if that is what cannot be kept. */
+static int try_shorter(Instance *self, double *t) {
+    const double size = *t - self->step.kept_until;
+    *t = self->step.kept_until;
+    memcpy(self->v.y, self->scratch.anchor, self->model->states * sizeof *self->v.y);
+    memset(self->v.low, 0, self->model->states * sizeof *self->v.low);
+    self->s->step = size / 4;
+    self->s->known = 0;
+    if (self->s->symplectic_steps == 0) return size > SHORTEST * self->step.size;
+    stays_in_reach(self, *t, size / self->step.size);
+    return 0;
+}
+
 /* Distance of neighbouring times inside the step. */
 static double clock_resolution(const Step *step) {
     const double latest = fmax(fabs(step->start), fabs(step->start + step->size));
@@ -244,12 +293,16 @@ static int move_states(Instance *self) {
         if (self->stiff == NULL) return core_because(self, "out of memory for the stiff solver");
     }
     while (t < self->step.reach) {
+        memcpy(self->scratch.anchor, self->v.y, states_of_constraints(self->model) * sizeof *self->v.y);
+        self->step.kept_until = t;
+        self->step.torn = 0;
         if (solver_is_exhausted(&pace, t, self->step.reach)) return explain_exhausted(self, t, "events");
         if (t == end) event = core_next_instant(self, self->v.k, event);
         self->s->limit = event;
         end = event < start + self->step.reach ? event - start : self->step.reach;
         switch (solve(self, &problem, &t, end, self->step.size)) {
         case STOPPED:
+            if (self->step.torn && try_shorter(self, &t)) break;
             if (!self->step.returning) {
                 self->step.curable = t > 0 || shorter_leads_on(self, &problem);
                 return 0;
@@ -375,7 +428,7 @@ static int advance(Instance *self, double time, double size) {
     if (!core_take_impulses(self)) return 0;
     if (self->s->jumped) {
         core_jump(self);
-        if (!core_check_finite(self, self->v.y, 0, time)) return 0;
+        if (!core_check_finite(self, self->v.y, 0, time) || !core_put_onto_constraints(self, time, self->v.y)) return 0;
     }
     self->step.event = 0;
     if (!core_sample(self) || !core_settle(self, time)) return 0;
@@ -404,6 +457,7 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->sample != NULL && !take_last_sample(self, arrives)) return 0;
     if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
     if (arrives && leaps) leap_to_inputs(self);
+    if (arrives && leaps && !core_put_onto_constraints(self, self->s->time, self->v.y)) return 0;
     if (arrives && leaps && !core_settle(self, self->s->time)) return 0;
     self->step.curable = self->model->states > 0;
     if (!core_check_finite(self, self->v.y, 0, self->s->time)) return 0;
