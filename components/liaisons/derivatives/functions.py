@@ -28,7 +28,7 @@ class MotionFunctions:
         self._t, self._k, self._s, self._y = equations.symbols
         self.contacts = None if equations.contacts is None else Contacts(model.name, equations)
         self.steps = CompiledSteps(equations, self.contacts)
-        self.condition_texts = equations.condition_texts
+        self.condition_texts, self.out_of_reach = equations.condition_texts, equations.out_of_reach
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 
     @cached_property

@@ -26,6 +26,7 @@ from liaisons.language import Variable
 
 Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
+_AHEAD = 1e-2  # part of a segment in which a reason is looked for where no step is small enough
 _EVENT_MARGIN = 8
 """Distance from an event, in units in the last place of its time, at which the equations of one side hold."""
 _STEP_TOLERANCE, _LEAST_TOLERANCE = 0.002, 4e-15
@@ -194,8 +195,10 @@ class SteppedMotion(ABC):
         failed = np.flatnonzero(lost | broken.any(axis=0))
         if failed.size:
             reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
-            reason = reasons[0] if reasons else "the motion is not finite"
-            raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
+            i = int(failed[0])
+            beyond = self.functions.out_of_reach(t[i - 1], t[i], k, s[i], states[i - 1]) if lost[i] and i else ""
+            reason = beyond or f"{reasons[0] if reasons else 'the motion is not finite'} (t = {t[i]:g} s)"
+            raise SimulationError(f"{self.name}: {reason}")
 
     def _refuse_stuck(self, segment: Segment, k: Floats, y: Floats, ends: Floats, totals: Integers) -> None:
         """Raise a SimulationError if no step was small enough: if there are no totals."""
@@ -204,6 +207,8 @@ class SteppedMotion(ABC):
         t = ends[-1:] if ends.size else segment.instants[:1]
         s = segment.table[self._table_rows(t)[0]]
         self._refuse_states(k, t, s[None], y[None])
+        if beyond := self.functions.out_of_reach(t[0], t[0] + _AHEAD * (segment.instants[-1] - t[0]), k, s, y):
+            raise SimulationError(f"{self.name}: {beyond}")
         near = self.functions.conditions.evaluate([t, k, s, y])[0]
         reason = self.functions.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
         raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")

@@ -224,7 +224,13 @@ def _integrate_with_fixed_steps(
         runs = (recorded(part)[::2] for part in (steps // 2, steps // 4))
         smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
         errors = _step_halving_errors((fine, states), *runs, order=tableau.order if smooth else 1)
-    return fine, _run_failures(fine, conditions, equations.condition_texts, time), errors
+    failures = _run_failures(fine, conditions, equations.condition_texts, time)
+    for case, (first, _) in failures.items() if equations.reaches else ():
+        if first and np.isnan(states[:, first, case]).all():
+            before = each[:, case], once, states[:, first - 1, case]
+            if text := equations.out_of_reach(time[first - 1], time[first], *before):
+                failures[case] = first, text
+    return fine, failures, errors
 
 
 def _integrate_with_contacts(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:

@@ -81,7 +81,7 @@ def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, stores_
     )
     most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
     lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
-    lines += c_function("project", point, [(equations.projected, "*f")], most) if projects else ()
+    lines += c_function("project", point, [(equations.guarded, "*f")], most) if projects else ()
     lines.append(f"static void step({_STEP}{', double *restrict kept' if stores_stages else ''})\n{{")
     lines.append(f"    double time, f[S * N * D]{'' if stores_stages else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):

@@ -8,12 +8,13 @@ others keep their start values and are numbers in the expressions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, final
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.base.arguments import name_dictionary
 from liaisons.cosim import System
@@ -23,14 +24,18 @@ from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
 from liaisons.mechanics.contact_forces import Compliance
-from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
+from liaisons.mechanics.model import Contact, Model, Reach, refuse_contacts, refuse_samples
 from liaisons.mechanics.unilateral import impulsive_operators
 
+Floats = NDArray[np.float64]
 Expressions = dict[str, ca.SX]
 """Expressions by name."""
 
 DEGREE = 5
 """Of polynomials that drive inputs."""
+LEFT = 100.0
+"""Multiple of what keeps a constraint that one projection may leave, for the next one to take away."""
+_GAIN, _MOST_PROJECTIONS = 0.9, 100  # as in messages.c
 INTEGRALS = ("work", "dissipated")
 """States that no motion depends on; integrated only for outputs that need them."""
 
@@ -75,6 +80,7 @@ class RightHandSide:
     :param before: t and the shared values before a jump.
     :param events: instants at which the equations are not smooth; where they recur, the first ones after t.
     :param sizes: nominal values of y.
+    :param reach: residuals of constraints as in the model's function, then what is prescribed for them: ``reaches``.
     :param contacts: None: there are none.
     """
 
@@ -90,7 +96,52 @@ class RightHandSide:
     before: tuple[ca.SX, ca.SX]
     events: ca.SX
     sizes: ca.SX
+    reach: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    reaches: tuple[Reach, ...] = ()
     contacts: ContactColumns | None = None
+
+    @property
+    def guarded(self) -> ca.SX:
+        """y put back onto constraints, no number where they are out of reach: error control then takes shorter steps."""
+        if not self.reaches:
+            return self.projected
+        left = ca.substitute(self.reach[: len(self.reaches)], self.symbols[3], self.projected)
+        return self.projected + ca.if_else(ca.norm_inf(left) <= LEFT, 0, np.nan)
+
+    def out_of_reach(self, begin: float, end: float, k: Floats, s: Floats, y: Floats) -> str:
+        """Sentence on the first constraint that cannot be kept from a state at ``begin`` on; empty if all can.
+
+        :param end: last instant that is looked at [s].
+        """
+        if not self.reaches:
+            return ""
+        function = ca.Function("reach", [*self.symbols], [self.projected, self.reach])
+        count, found = len(self.reaches), ""
+
+        def put_onto_constraints(t: float) -> tuple[str, Floats]:
+            near, before = y, np.inf
+            for _ in range(_MOST_PROJECTIONS):
+                after, left = (np.asarray(x).ravel() for x in function(t, k, s, near))
+                total = float(np.sum(np.abs(left[:count])))
+                if np.max(np.abs(left[:count])) <= 1:
+                    return "", near
+                if not total < _GAIN * before:
+                    break
+                near, before = after, total
+            return _reach_text(self.reaches, left, t), near
+
+        good = begin
+        for bad in np.linspace(begin, end, 65)[1:].tolist():
+            found, near = put_onto_constraints(bad)
+            if found:
+                break
+            good, y = bad, near
+        for _ in range(40 if found else 0):
+            middle = (good + bad) / 2
+            text, near = put_onto_constraints(middle)
+            found, good, bad, y = (text, good, middle, y) if text else (found, middle, bad, near)
+        return found
+
 
 
 @lru_cache(maxsize=32)
@@ -248,6 +299,8 @@ def right_hand_side(
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
         sizes=_scalar_results(model.nominals, *at_start)[0],
+        reach=ca.SX(0, 1) if model.reach is None else _scalar_results(model.reach, t, y, u, k)[0],
+        reaches=model.reaches,
     )
     reduced = _reduced_to_needed_states(
         _with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole
@@ -261,7 +314,7 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
     """Equations of only the states on which outputs, conditions and contacts depend; None if they need no state."""
     y, contacts, landed = whole.symbols[3], whole.contacts, whole.landed
     maps = [x for x in (whole.rates, whole.projected, landed) if x is not None]
-    watched = [whole.outputs, whole.conditions]
+    watched = [whole.outputs, whole.conditions, whole.reach]
     if contacts:
         maps += [contacts.pushed, contacts.restored]
         watched += [contacts.indicators, *contacts.numbers.values()]
@@ -278,6 +331,16 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
         sizes=whole.sizes[needed],
         contacts=contacts and replace(contacts, pushed=contacts.pushed[needed], restored=contacts.restored[needed]),
     )
+
+
+def _reach_text(reaches: Sequence[Reach], left: Floats, t: float) -> str:
+    """Sentence on the constraint of which most is left; of the residuals, and what is prescribed for each."""
+    worst = int(np.argmax(np.abs(left[: len(reaches)])))
+    first, reach = len(reaches) + sum(len(r.prescribed) for r in reaches[:worst]), reaches[worst]
+    values = ", ".join(f"{name} = {value:.9g}" for name, value in zip(reach.prescribed, left[first:], strict=False))
+    if not values:
+        return f"{reach.text} cannot be kept at t = {t:.9g}: no motion leads on from there"
+    return f"{reach.text} cannot be kept: {values} at t = {t:.9g} is out of reach; stay within it"
 
 
 def _contact_memory_names(model: Model) -> list[str]:

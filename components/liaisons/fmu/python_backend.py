@@ -74,6 +74,7 @@ def _component_table(model: Model, guid: str) -> bytes:
         "warnings": _prescribed_motion_warnings(model),
         "start_rates": start_rates(model),
         "condition_texts": model.condition_texts,
+        "reaches": [(reach.text, reach.prescribed) for reach in model.reaches],
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),
         "functions": {name: f.serialize() for name, f in slave_functions(model, active).items()},

@@ -14,6 +14,8 @@ y_next, error               result of an internal step, and its relative error
 past_H, past_u              size and inputs of the last step at its start; 0 and u where u reached the given ones
 far, compared               1: σ is far from where its rates led; the time of that comparison
 leaps, jump                 1: σ jumps at the end of the step; how far it jumps, 0 where that moves no states
+away                        of y_next from the constraints, in units of what is kept
+trial, reached              states on their way onto the constraints; what is left there, and what is prescribed
 margins, instants           of the conditions; at which the component is not smooth
 ==========================  ================================================================================
 
@@ -71,9 +73,10 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
         "z": zero * len(model.outputs),
         "drawn": zero * len(model.drawn),
         **dict.fromkeys(("u", "target", "past_u"), inputs),
-        **dict.fromkeys(("y", "y_next", "size"), states),
+        **dict.fromkeys(("y", "y_next", "size", "trial"), states),
         "m": zero * model.start.numel_out(1),
-        **dict.fromkeys(("error", "past_H", "compared"), zero),
+        **dict.fromkeys(("error", "past_H", "compared", "away"), zero),
+        "reached": zero * (model.reach.numel_out(0) if model.reach else 0),
         **dict.fromkeys(("far", "leaps", "jump"), prescribed),
         "margins": zero * len(model.condition_texts),
         "instants": zero * model.events.numel_out(0),
@@ -99,8 +102,8 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
     for energy, work, _ in energy_accounts(model) if model.project else ():  # takes back what σ̇ has moved a held σ
         change = [model.outputs_function(n.t, states, u, n.k, n.m)[energy] for states in (n.y, projected)]
         projected[work] += ca.if_else(n.mode == _HOLD, change[1] - change[0], 0)
-    reached = n.mode == _INTERPOLATE
-    past = {"past_H": ca.if_else(reached, 0, n.H), "past_u": ca.if_else(reached, u, n.u)}
+    arrived = n.mode == _INTERPOLATE
+    past = {"past_H": ca.if_else(arrived, 0, n.H), "past_u": ca.if_else(arrived, u, n.u)}
     drawn = {} if model.draw is None else {"drawn": model.draw(*point)}
     changes = {
         "start": {"u": n.given, "y": y, "m": m, "size": size, "past_H": 0, "past_u": n.given, "jumped": 1},
@@ -110,7 +113,8 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
         "leap": _runge_kutta_step(n, _jump_rates(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
         "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
-        "advance": _runge_kutta_step(n, _motion_rates(model, n, inputs, active)),
+        "advance": _advance(model, n, inputs, active),
+        "reach": _reach(model, n, inputs),
         "finish": {"u": u, "y": projected, "m": model.remember(n.t, projected, u, n.k, n.m), **past},
         "remember": {"m": model.remember(*point, n.m)},
     }
@@ -168,6 +172,24 @@ def _motion_rates(
         return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k, n.mode == _HOLD)
 
     return slopes
+
+
+def _advance(model: Model, n: SimpleNamespace, inputs: ca.Function, active: list[list[int]]) -> dict[str, ca.MX]:
+    """Return expressions of an internal step, and how far it leaves the constraints."""
+    step = _runge_kutta_step(n, _motion_rates(model, n, inputs, active))
+    if model.reach is None:
+        return step
+    x = n.x + n.h
+    left = model.reach(n.t + x, step["y_next"], inputs(x, n.H, n.mode, n.u, n.target), n.k)
+    return {**step, "away": ca.norm_inf(left[: len(model.reaches)])}
+
+
+def _reach(model: Model, n: SimpleNamespace, inputs: ca.Function) -> dict[str, ca.MX]:
+    """Return expressions of what the trial leaves of the constraints at x, and of the next one, which is projected."""
+    if model.reach is None or model.project is None:
+        return {}
+    point = n.t + n.x, n.trial, inputs(n.x, n.H, n.mode, n.u, n.target), n.k
+    return {"reached": model.reach(*point), "trial": model.project(*point)}
 
 
 def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:

@@ -81,13 +81,14 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
         columns = each[self._fixed], once, ca.vertcat(y, followed)
-        expressions = [original.rates, original.outputs, original.conditions, original.projected]
-        rates, readings, conditions, projected = ca.substitute(expressions, [t], [clock])
+        expressions = [original.rates, original.outputs, original.conditions, original.projected, original.reach]
+        rates, readings, conditions, projected, reach = ca.substitute(expressions, [t], [clock])
         equations = replace(
             original,
             symbols=(t, *columns),
             rates=ca.vertcat(rates, *(lanes[name] for port in task.act_ports for name in port[1:]), 1),
             projected=ca.vertcat(projected, followed),
+            reach=reach,
         )
         step = compiled_advance(equations, METHODS["rk8"], self._shared)
         starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])

@@ -28,6 +28,7 @@ class ComponentTable:
     warnings: list[tuple[int, list[str]]]  # for each mismatch its index in the memory, and texts: contradiction, jump
     start_rates: list[tuple[int, int]]  # indices of their start values, and of rates that constraints may change
     condition_texts: list[str]
+    reaches: list[tuple[str, list[str]]]  # constraints: what is said of them, and the prescribed coordinates
     lasting: int  # number of conditions that the motion has to satisfy; the others are for the start alone
     numbers: dict[str, list[float]]  # of a new instance
     functions: dict[str, ca.Function]

@@ -23,6 +23,10 @@ _CHANGED = 1e-6  # a rate that is further from its start value, of 1, is another
 _SHRINK, _GROW, _SAFETY = 0.2, 6.0, 0.85  # factors of the step size: limits, and what keeps most from rejection
 
 
+_DRIFT = 1e3  # multiple of what a projection leaves by which internal steps may leave the constraints
+_GAIN, _MOST_PROJECTIONS = 0.9, 100  # as in messages.c
+
+
 class MotionError(Exception):
     """The motion does not start or go on; the message says why."""
 
@@ -158,6 +162,11 @@ class Motion:
             n.x[0], n.h[0] = x, h
             self.apply_function(name)
             error = float(n.error[0]) / allowed
+            beyond = self._out_of_reach(x + h, n.y_next) if error <= 1 and n.away[0] > _DRIFT else ""
+            if beyond and h > _SMALLEST * (end - begin):
+                error = math.inf
+            elif beyond:
+                raise MotionError(beyond)
             if error <= 1:
                 n.y[:], x, rest = n.y_next, x + h, rest - h
                 if rest == 0:
@@ -173,9 +182,33 @@ class Motion:
             n.u[:] = start
             self.apply_function("inputs")
             self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
+        for ahead in np.geomspace(_SMALLEST, 1e-2, 100) if self._component.reaches else ():
+            if beyond := self._out_of_reach(x + ahead * (end - begin), n.y):
+                raise MotionError(beyond)
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
         raise MotionError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
+
+    def _out_of_reach(self, x: float, y: NDArray[np.float64]) -> str:
+        """Sentence on the constraint that cannot be kept at x near a state; empty if all can."""
+        n, reaches, before, start = self.n, self._component.reaches, math.inf, float(self.n.x[0])
+        n.trial[:], n.x[0], text = y, x, ""
+        for _ in range(_MOST_PROJECTIONS if reaches else 0):
+            self.apply_function("reach")
+            left = np.abs(n.reached[: len(reaches)])
+            if np.max(left) <= 1:
+                break
+            if not np.sum(left) < _GAIN * before:
+                worst, where = int(np.argmax(left)), f"t = {n.t[0] + x:.9g}"
+                first, (text, names) = len(reaches) + sum(len(names) for _, names in reaches[:worst]), reaches[worst]
+                values = ", ".join(f"{name} = {n.reached[first + i]:.9g}" for i, name in enumerate(names))
+                text += f" cannot be kept: {values} at {where} is out of reach; stay within it" if values else (
+                    f" cannot be kept at {where}: no motion leads on from there"
+                )
+                break
+            before = float(np.sum(left))
+        n.x[0] = start
+        return text
 
     def _check_domains(self, values: NDArray[np.float64], first: int, t: float) -> None:
         """Raise MotionError for the first value outside of its domain.

@@ -31,13 +31,19 @@ Status core_get_states(Instance *self, double y[]) {
 
 /* Multiple of what a projection leaves by which solvers of importers may leave the constraints unasked. */
 static const double UNASKED_DRIFT = 1e3;
+enum { SELDOM = 32, A_WHILE = 1000 };
 
-/* Whether constraints can be kept near the present states, which a solver lets drift away from them. */
+/* Whether constraints can be kept near the present states, which a solver lets drift away from them.  A closer look costs
+ * as much as derivatives, and is taken at some of these, and for a while after one that found them out of reach. */
 static int is_within_reach(Instance *self, double t) {
     const size_t count = states_of_constraints(self->model);
-    if (count == 0 || core_keeps(self, t, self->v.y, UNASKED_DRIFT)) return 1;
+    const int close = count > 0 && (self->known.suspect > 0 || ++self->known.asked % SELDOM == 0);
+    self->known.suspect -= self->known.suspect > 0;
+    if (count == 0 || core_keeps(self, t, self->v.y, close ? 1 : UNASKED_DRIFT)) return 1;
     memcpy(self->scratch.projected, self->v.y, count * sizeof *self->v.y);
-    return core_put_onto_constraints(self, t, self->scratch.projected);
+    if (core_put_onto_constraints(self, t, self->scratch.projected)) return 1;
+    self->known.suspect = A_WHILE;
+    return 0;
 }
 
 Status core_get_derivatives(Instance *self, double f[]) {

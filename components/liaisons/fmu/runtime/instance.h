@@ -87,6 +87,8 @@ typedef struct { /* what need not be done again */
     int drawn;   /* and so do its last numbers, which only a picture needs */
     int apart;   /* u may have moved away from set */
     int allowed; /* k and set are known to be in their domains */
+    unsigned asked; /* in model exchange: how often for derivatives; how many of the next ones are looked at closely */
+    int suspect;
 } Known;
 
 typedef struct { /* the communication step under way */
