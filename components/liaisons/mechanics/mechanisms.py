@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.array_names import suffixed_name
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import closure, stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
@@ -207,13 +207,16 @@ def _conditions(equations: Equations) -> dict[str, ca.SX]:
 def _reaches(equations: Equations) -> tuple[tuple[Reach, ...], ca.SX]:
     """Constraints with the prescribed coordinates they depend on, and the result ``r`` of the function ``reach``."""
     m, residuals = equations.mechanism, equations.residuals_by_rounding
-    active = m.active
+    ends, active = equations.constraints.residuals, m.active
+    moves = np.array(ca.DM(ca.jacobian_sparsity(ends, active.s) + ca.jacobian_sparsity(ends, active.s_dot), 1)) != 0
+    holds = np.array(ca.DM(equations.constraints.matrix.sparsity(), 1)) != 0
+    coupled = holds.astype(int) @ holds.T > 0  # by a coordinate that both hold
     reaches, values = [], list[ca.SX]()
-    for item, residual in zip(m.all_constraints, ca.vertsplit(equations.constraints.residuals), strict=True):
-        pairs = zip(ca.vertsplit(active.s), ca.vertsplit(active.s_dot), strict=True)
-        moving = [s for s, s_dot in pairs if ca.depends_on(residual, ca.vertcat(s, s_dot))]
-        reaches.append(Reach(f"{item.name} ({item.description})", tuple(map(str, moving))))
-        values += moving
+    for i, item in enumerate(m.all_constraints):
+        together = closure(coupled, np.arange(len(coupled)) == i)
+        moving = np.flatnonzero(moves[together].any(axis=0)).tolist()
+        reaches.append(Reach(f"{item.name} ({item.description})", tuple(str(active.s[k]) for k in moving)))
+        values += [active.s[k] for k in moving]
     return tuple(reaches), ca.vertcat(residuals, *values)
 
 

@@ -1,0 +1,6 @@
+"""Where modules of other folders that campaigns share are found."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "cosim"))
