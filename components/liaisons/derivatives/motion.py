@@ -196,7 +196,11 @@ class SteppedMotion(ABC):
         if failed.size:
             reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
             i = int(failed[0])
-            beyond = self.functions.out_of_reach(t[i - 1], t[i], k, s[i], states[i - 1]) if lost[i] and i else ""
+            beyond = (
+                self.functions.out_of_reach(t[i - 1], t[i], k, s[i], states[i - 1])
+                if i and np.isnan(states[i]).all()
+                else ""
+            )
             reason = beyond or f"{reasons[0] if reasons else 'the motion is not finite'} (t = {t[i]:g} s)"
             raise SimulationError(f"{self.name}: {reason}")
 

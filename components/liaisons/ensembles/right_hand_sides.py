@@ -102,7 +102,7 @@ class RightHandSide:
 
     @property
     def guarded(self) -> ca.SX:
-        """y put back onto constraints, no number where they are out of reach: error control then takes shorter steps."""
+        """y put back onto constraints; no number where they are out of reach, or a step is too long for that."""
         if not self.reaches:
             return self.projected
         left = ca.substitute(self.reach[: len(self.reaches)], self.symbols[3], self.projected)
@@ -122,15 +122,15 @@ class RightHandSide:
             near, before = y, np.inf
             for _ in range(_MOST_PROJECTIONS):
                 after, left = (np.asarray(x).ravel() for x in function(t, k, s, near))
-                total = float(np.sum(np.abs(left[:count])))
                 if np.max(np.abs(left[:count])) <= 1:
-                    return "", near
-                if not total < _GAIN * before:
                     break
+                total = float(np.sum(np.abs(left[:count])))
+                if not total < _GAIN * before:
+                    return _reach_text(self.reaches, left, t), near
                 near, before = after, total
-            return _reach_text(self.reaches, left, t), near
+            return "", near
 
-        good = begin
+        good, bad = begin, begin
         for bad in np.linspace(begin, end, 65)[1:].tolist():
             found, near = put_onto_constraints(bad)
             if found:
@@ -141,7 +141,6 @@ class RightHandSide:
             text, near = put_onto_constraints(middle)
             found, good, bad, y = (text, good, middle, y) if text else (found, middle, bad, near)
         return found
-
 
 
 @lru_cache(maxsize=32)

@@ -28,8 +28,8 @@ ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
 
 KEPT, KEPT_RATE = 1e-9, 1e-7
-"""Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept; the same of rates,
-which momenta give as exactly as the mass matrix is conditioned."""
+"""Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept; that of rates,
+which momenta give only as exactly as the mass matrix is conditioned."""
 
 ROUNDING = 1e-13
 """Residual, in its own unit, that is rounding where its gradient vanishes."""

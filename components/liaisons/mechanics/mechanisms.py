@@ -63,10 +63,10 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
     first, first_energy = _initial_state(equations, symbols)
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*first, 0, 0)
-    # All in one: what the expressions share stays shared.
     reaches, reached = _reaches(equations)
-    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed, reached]
-    columns += numbers.values()
+    # All in one: what the expressions share stays shared.
+    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed]
+    columns += [reached, *numbers.values()]
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
     initial, first_energy, rates, energy, z, sizes, distances, landed, reached, *columns = ca.vertsplit(together, ends)

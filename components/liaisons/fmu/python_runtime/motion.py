@@ -202,8 +202,10 @@ class Motion:
                 worst, where = int(np.argmax(left)), f"t = {n.t[0] + x:.9g}"
                 first, (text, names) = len(reaches) + sum(len(names) for _, names in reaches[:worst]), reaches[worst]
                 values = ", ".join(f"{name} = {n.reached[first + i]:.9g}" for i, name in enumerate(names))
-                text += f" cannot be kept: {values} at {where} is out of reach; stay within it" if values else (
-                    f" cannot be kept at {where}: no motion leads on from there"
+                text += (
+                    f" cannot be kept: {values} at {where} is out of reach; stay within it"
+                    if values
+                    else (f" cannot be kept at {where}: no motion leads on from there")
                 )
                 break
             before = float(np.sum(left))
