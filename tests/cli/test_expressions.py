@@ -1,7 +1,6 @@
 """Expressions of time and tables: values, exact derivatives, and what is refused without being run."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.cli._expressions import FormulaError, parse_expression, pulse_instants
-from liaisons.cli._inputs import read_table
 from liaisons.errors import SimulationError
 
 
@@ -188,40 +186,6 @@ def test_given_rates_are_kept_and_derivatives_belong_to_the_values() -> None:
     np.testing.assert_allclose(motion(times, 2), -np.sin(times), atol=1e-9)
     h, t = 1e-6, np.array([0.123, 0.456, 0.789])
     np.testing.assert_allclose((motion(t + h) - motion(t - h)) / (2 * h), motion(t, 1), rtol=1e-7)
-
-
-def test_tables_of_other_makes(tmp_path: Path) -> None:
-    path = tmp_path / "excel.csv"
-    path.write_text("\ufefflength; t ;length_dot\n1;0;0.5\n# a remark\n\n1.05;0.1;0.5\n", encoding="utf-8")
-    times, columns = read_table(path)
-    assert times.tolist() == [0, 0.1]
-    assert {name: column.tolist() for name, column in columns.items()} == {
-        "length": [1, 1.05],
-        "length_dot": [0.5, 0.5],
-    }
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("", "it has nothing"),
-        ("x,y\n1,2\n2,3\n", "'time' or 't' and the others inputs; it has 'x', 'y'"),
-        ("time\n1\n2\n", "it has 'time'"),
-        ("t,x,x\n1,1,1\n2,2,2\n", "each once"),
-        ("t,x\n0,1\n", "1 lines of numbers; give two"),
-        ("t,x\n0,1\n1,two\n", "line 3: could not convert string to float: 'two'"),
-        ("t,x\n0,1\n1\n", "line 3: 1 numbers for 2 columns"),
-        ("t,x\n0,1\n1,nan\n", "line 3: 1, nan: finite"),
-        ("t,x\n0,1\n-1,2\n", "line 3: t = -1 must not be less than 0"),
-        ("t,x\n0,\xff\n", "no table of numbers"),
-    ],
-)
-def test_tables_that_are_none(tmp_path: Path, content: str, words: str) -> None:
-    path = tmp_path / "motion.csv"
-    path.write_bytes(content.encode("latin-1"))
-    with pytest.raises(SimulationError, match=r"motion\.csv") as caught:
-        read_table(path)
-    assert words in str(caught.value)
 
 
 def test_pulses_are_looked_at_as_finely_as_they_are_short() -> None:

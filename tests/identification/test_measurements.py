@@ -223,7 +223,7 @@ def test_a_drive_begins_when_the_motion_starts() -> None:
     times = np.linspace(1, 2, 10)
     data = {"time": times, "theta": times, "pivot_x": times**2}
     with pytest.raises(IdentificationError, match="data: pivot_x drives from 1 s on, after start_time = 0; give start"):
-        identify("Pendulum", data, unknown=["gravity"])
+        identify("Pendulum", data, unknown=["gravity"], start_time=0)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
-"""Files that are replaced as a whole, tables in CSV files, and arguments in TOML files."""
+"""Files that are replaced as a whole, and arguments in TOML files."""
 
 from __future__ import annotations
 
-import csv
 import os
 import secrets
 import shutil
@@ -74,34 +73,6 @@ def check_writable(path: Path) -> None:
             raise PermissionError(EACCES, os.strerror(EACCES))
     except OSError as error:
         raise _unwritable_error(path, error) from None
-
-
-def read_csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
-    """Read a CSV file with commas, semicolons or tabulators; returns headings, units and rows.
-
-    Lines that begin with ``#`` are left out, but for that below the headings, where units are; empty if there is none.
-
-    :returns: rows by the number of their line, decimal points in place of commas.
-    :raises LiaisonsError: the class ``error``, if it cannot be read, or a row has more or less cells than the headings.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        top = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-        reader = csv.reader(lines, delimiter=next((sign for sign in "\t;" if sign in top), ","))
-        cells = {number: [cell.strip() for cell in row] for number, row in enumerate(reader, start=1)}
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror}") from None
-    except (UnicodeDecodeError, csv.Error) as problem:
-        raise error(f"{path}: no table of numbers: {problem}") from None
-    numbers = [number for number, row in cells.items() if any(row) and not row[0].startswith("#")]
-    headings = cells[numbers[0]] if numbers else []
-    for number in numbers:
-        if len(cells[number]) != len(headings):
-            raise error(f"{path}, line {number}: {len(cells[number])} numbers for {len(headings)} columns")
-    below = cells.get(numbers[0] + 1, [""]) if numbers else [""]
-    units = [unit.strip("# ") for unit in below] if "".join(below[:1]).startswith("#") else []
-    rows = {number: [cell.replace(",", ".") for cell in cells[number]] for number in numbers[1:]}
-    return headings, units if len(units) == len(headings) else [""] * len(headings), rows
 
 
 def read_toml_arguments(

@@ -49,6 +49,8 @@ def knots(
     if wrong.size:
         later, before = t[wrong[0] + 1], t[wrong[0]]
         raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
+    if steps[-1] == 0 and columns["values"][-1] != columns["values"][-2]:
+        raise SimulationError(f"times: a jump at {t[-1]:g} s, after which nothing follows; leave it out, or go on")
     if join not in get_args(Join):
         raise SimulationError(f"join = {join!r}{suggestion(join, get_args(Join))}")
     if join != "quintic" and len(columns) > 2:

@@ -89,20 +89,41 @@ def parse(name: str) -> Unit:
 
 
 def size_in_si(measured: str, unit: str) -> float:
-    """Factor from a unit of measurements to an SI unit: π/180 from ``"deg/s"`` to ``"rad/s"``, 0.01 from cm to m.
+    """Factor from a unit of measurements to a declared unit: π/180 from ``"deg/s"`` to ``"rad/s"``, 0.01 from cm to m.
 
+    :param measured: empty: the declared unit.
+    :param unit: of SI as a rule; empty: that of SI for what was measured.
     :raises ValueError: for an unknown unit, or one of another quantity.
     """
-    written = measured.translate({ord("^"): None, ord("²"): "2", ord("·"): "."}).replace("rpm", "rev/min")
+    if measured in {"", "-", unit}:
+        return 1.0
+    if unit == ANY:
+        return _size_and_base(measured)[0] if is_unit(measured) else 1.0
+    (size, base), (declared, other) = _size_and_base(measured), _size_and_base(unit)
+    if parse(base).exponents != parse(other).exponents:
+        raise ValueError(f"unit {measured!r} is none of what is measured in {unit!r}")
+    return size / declared
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of measurements."""
+    try:
+        parse(_size_and_base(text)[1])
+    except ValueError:
+        return False
+    return True
+
+
+def _size_and_base(measured: str) -> tuple[float, str]:
+    """How many of an SI unit a unit of measurements is, and that unit, which may be none."""
+    written = measured.translate({ord("^"): None, ord("²"): "2", ord("·"): ".", ord("*"): ".", ord("μ"): "µ"})
+    written = written.replace("rpm", "rev/min")
     top, _, _ = written.partition("/")
     size = 1.0
     for match in re.finditer(r"([^\W\d_]+|°)(-?\d*)", written):
         power = int(match[2] or 1) * (1 if match.start() < len(top) else -1)
         size *= _MEASURED.get(match[1], ("", 1.0))[1] ** power
-    base = re.sub(r"[^\W\d_]+|°", lambda match: _MEASURED.get(match[0], match)[0], written)
-    if parse(base).exponents != parse(unit).exponents:
-        raise ValueError(f"unit {measured!r} is none of what is measured in {unit!r}")
-    return size
+    return size, re.sub(r"[^\W\d_]+|°", lambda match: _MEASURED.get(match[0], match)[0], written)
 
 
 Powers = tuple[int | Fraction, ...]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from liaisons.base.arguments import shown
 from liaisons.base.arrays import Floats
 from liaisons.base.port_names import port_names
+from liaisons.base.units import size_in_si
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
 from liaisons.results import Result
@@ -111,7 +112,7 @@ def compare(first: Result, second: Result) -> Comparison:
     If all points of one within that time are points of the other, the values there are compared. Else each result is
     interpolated at the points of the other: by cubic Hermite polynomials (error of fourth order in the step) where the
     rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second order), as a signal may jump.
-    Strings differ by 1 or not at all.
+    Strings differ by 1 or not at all.  The second is converted to the units of the first.
 
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """
@@ -123,14 +124,15 @@ def compare(first: Result, second: Result) -> Comparison:
     names = [name for name in first.entries if name in second.entries]
     if not names:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")
-    for name in names:
-        _require_same_units_and_shapes(first, second, name)
+    sizes = {name: _size_of_second(first, second, name) for name in names}
     times = _comparison_times(first, second)
     differences = []
     for name in names:
         (one, one_by), (other, other_by) = (_interpolated_values(result, name, times) for result in (first, second))
         if np.dtype(object) in {one.dtype, other.dtype}:  # strings: the same or not
             one, other = np.ones(one.shape), (one == other).astype(float)
+        else:
+            other = other * sizes[name]
         error = np.abs(one - other).reshape(len(times), -1)
         worst = np.max(error, axis=1)
         point = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
@@ -154,14 +156,21 @@ def compare(first: Result, second: Result) -> Comparison:
     )
 
 
-def _require_same_units_and_shapes(first: Result, second: Result, name: str) -> None:
-    """Raise a ValidityError unless units and shapes of a signal agree in both results."""
+def _size_of_second(first: Result, second: Result, name: str) -> float:
+    """Factor from the unit of a signal in the second result to that in the first.
+
+    :raises ValidityError: unless both have the same quantity and shape.
+    """
     units = first.units[name], second.units[name]
-    if all(units) and units[0] != units[1]:
-        raise ValidityError(f"{name} is in {units[0]} in {first.title}, in {units[1]} in {second.title}; convert one")
+    try:
+        size = size_in_si(units[1], units[0]) if all(units) else 1.0
+    except ValueError:
+        words = f"{name} is in {units[0]} in {first.title}, in {units[1]} in {second.title}; convert one"
+        raise ValidityError(words) from None
     shapes = first[name].shape[1:], second[name].shape[1:]
     if shapes[0] != shapes[1]:
         raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
+    return size
 
 
 def _comparison_times(first: Result, second: Result) -> Floats:

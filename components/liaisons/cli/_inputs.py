@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from os.path import isfile
@@ -12,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liaisons.base.arrays import Floats
-from liaisons.base.files import read_csv_cells
 from liaisons.base.knots import Join, knots, piecewise_polynomial
+from liaisons.base.tables import Table, is_estimate, read_table
+from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 Triple = tuple[float, float, float]
 """Value, rate, acceleration."""
 
-_TIMES = ("time", "t")
 _ROUNDING = 1e-9  # of the span of a table: by so much it may miss start or stop
 
 
@@ -53,9 +52,9 @@ def prescribed_inputs(
     for text in inputs:
         name, equals, right = text.partition("=")
         if isfile(text) or not equals:  # noqa: PTH113 - no error for a formula that is longer than a path can be
-            times, columns = read_table(Path(text))
+            table, ports = _input_table(system, Path(text), single=single)
+            times, columns = _checked_columns(table, ports)
             _check_table_span(text, times, start_time, stop_time)
-            ports = {column: _input_port(system, column, single=single) for column in columns}
             try:
                 new = _prescribe_table(prescribed, times, columns, ports, join)
             except LiaisonsError as error:
@@ -69,6 +68,13 @@ def prescribed_inputs(
             raise SimulationError(f"--input: {name} is given twice; leave one out")
         names |= new
     return prescribed
+
+
+def span_of_tables(inputs: Iterable[str]) -> tuple[float, float] | None:
+    """Instants [s] at which the last table of ``--input`` begins and the first one ends; None without a table."""
+    tables = [read_table(Path(text), SimulationError).named({}) for text in inputs if isfile(text)]  # noqa: PTH113
+    times = [table.times() for table in tables if table.clock and table.rows]
+    return (max(t[0] for t in times), min(t[-1] for t in times)) if times else None
 
 
 def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Function:
@@ -105,6 +111,48 @@ def _input_port(system: System, name: str, *, single: bool) -> Port:
     return part[variable]
 
 
+def _input_table(system: System, path: Path, *, single: bool) -> tuple[Table, dict[str, Port]]:
+    """Table in a file, and the ports of those of its columns that are inputs.
+
+    Estimates of errors, and what an FMU gives by itself, are left out; this is said.
+
+    :raises SimulationError: for a file without a clock, or without inputs, and for unknown names.
+    """
+    causalities = {
+        name if single else f"{owner}.{name}": variable.causality
+        for owner, part in system.parts.items()
+        for name, variable in part.fmu.variables.items()
+    }
+    table = read_table(path, SimulationError).named(causalities)
+    if not table.clock or len(set(table.names)) < len(table.names) or len(table.names) < 2:
+        raise SimulationError(
+            f"{path}: its first line has to name columns, each once, one of them 'time' or 't' and the others inputs; "
+            f"it has {', '.join(map(repr, table.names)) or 'nothing'}"
+        )
+    columns = [name for name in table.names if name != table.clock and not is_estimate(name, causalities)]
+    driving = [name for name in columns if causalities.get(name) not in {"output", "local", "independent"}] or columns
+    left_out = [name for name in table.names if name not in {table.clock, *driving}]
+    if left_out:
+        logger.warning("%s: left out, as they are no inputs: %s", path, ", ".join(left_out))
+    try:
+        return table, {name: _input_port(system, name, single=single) for name in driving}
+    except SimulationError as error:
+        raise SimulationError(f"{path}: {str(error).removeprefix('--input: ')}") from None
+
+
+def _checked_columns(table: Table, ports: Mapping[str, Port]) -> tuple[Floats, dict[str, Floats]]:
+    """Instants [s], and columns in the units of their ports."""
+    times = table.times(most=2)
+    if times.size < 2:
+        raise SimulationError(f"{table.title}: {times.size} lines of numbers; give two at least")
+    columns = {name: table.numbers(name, port.variable.unit, complete=True) for name, port in ports.items()}
+    ends = np.arange(times.size) == times.size - 1
+    for name, column in columns.items():
+        jumps = times[-1] == times[-2] and column[-1] != column[-2]
+        table.refuse_rows(name, ends & jumps, "a jump after which nothing follows; leave it out, or add a later line")
+    return times, columns
+
+
 def _check_table_span(file: str, times: Floats, start_time: float, stop_time: float) -> None:
     """Raise a SimulationError unless the times of a table reach from start to stop."""
     allowed = _ROUNDING * (times[-1] - times[0])
@@ -139,34 +187,3 @@ def _prescribe_table(
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
         prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside, join=join)
     return set(ports) - rates | triples.keys()
-
-
-def read_table(path: Path) -> tuple[Floats, dict[str, Floats]]:
-    """Times and columns of a CSV file, whose first line names them, one of them ``time`` or ``t``.
-
-    Lines that begin with ``#`` are left out.
-
-    :raises SimulationError: if it cannot be read, or is no such file; names the line.
-    """
-    names, _, lines = read_csv_cells(path, SimulationError)
-    time = next((name for name in _TIMES if name in names), "")
-    if not time or len(set(names)) < len(names) or len(names) < 2:
-        raise SimulationError(
-            f"{path}: its first line has to name columns, each once, one of them 'time' or 't' and the others inputs; "
-            f"it has {', '.join(map(repr, names)) or 'nothing'}"
-        )
-    rows: list[dict[str, float]] = []
-    for number, row in lines.items():
-        try:
-            rows.append(dict(zip(names, map(float, row), strict=True)))
-            if not all(map(math.isfinite, rows[-1].values())):
-                raise ValueError(f"{', '.join(row)}: finite numbers only")
-            if len(rows) > 1 and rows[-1][time] < rows[-2][time]:
-                later, before = rows[-1][time], rows[-2][time]
-                raise ValueError(f"{time} = {later:g} must not be less than {before:g}, the one before")
-        except ValueError as error:
-            raise SimulationError(f"{path}, line {number}: {error}") from None
-    if len(rows) < 2:
-        raise SimulationError(f"{path}: {len(rows)} lines of numbers; give two at least")
-    columns = {name: np.array([row[name] for row in rows]) for name in names}
-    return columns.pop(time), columns

@@ -11,9 +11,9 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.base.archive import Archive
-from liaisons.base.files import read_csv_cells
 from liaisons.base.folders import temporary_folder
 from liaisons.base.related_files import related_files
+from liaisons.base.tables import read_table
 from liaisons.base.xml_documents import read_tree
 from liaisons.check import Verdict, compare, verdict
 from liaisons.cli._subject import mismatch_names, subject_simulation
@@ -126,9 +126,10 @@ def _reference_verdict(fmu: Fmu, results: Path, files_by_role: Mapping[str, Path
 
     :param files_by_role: files of the same labels, with parameters and inputs of the run.
     """
-    head, _, rows = read_csv_cells(results, SimulationError)
-    times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
-    names = [name for column in head[1:] for name in fmu.elements(column)]
+    table = read_table(results, SimulationError)
+    rows = zip(*table.cells, strict=True)
+    times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows])
+    names = [name for column in table.names[1:] for name in fmu.elements(column)]
     starts = []
     if "parameter" in files_by_role:
         with files_by_role["parameter"].open("rb") as file:

@@ -10,7 +10,7 @@ from liaisons import ssp
 from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import Join
 from liaisons.base.project import ProjectError, load_module
-from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs
+from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs, span_of_tables
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
@@ -73,6 +73,10 @@ def subject_simulation(
     own = system.experiment
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
+    inputs = list(inputs)
+    given = span_of_tables(inputs) if start is None else None
+    if given and given[0] > begin:  # the clock begins where the table begins
+        begin, stop = given[0], given[1] if stop is None else stop
     system.filled()
     experiment = ssp.effective_experiment(system, begin, stop, step)
     end, size = experiment.stop_time, experiment.step_size

@@ -86,6 +86,7 @@ def simulate(
         option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signal_completions),
     ] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
+    plain: Annotated[bool, flag("--plain", "write --csv without units and notes, for FMPy")] = False,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
     verify: Annotated[bool, flag("--verify", "simulate again at half the step, show the differences")] = False,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
@@ -119,7 +120,7 @@ def simulate(
         for line in contradictions:
             print(line)
         for title, file, save in (
-            ("signals", csv, shown.to_csv),
+            ("signals", csv, lambda path: shown.to_csv(path, plain=plain)),
             ("signals", parquet, shown.to_parquet),
             ("figure", figure, lambda path: shown.plot(path=path)),
         ):

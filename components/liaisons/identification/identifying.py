@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -60,7 +61,7 @@ def identify(
     ignore: str | Iterable[str] = (),
     instants: Instants | Sequence[Instants] = (),
     smoothing: float | None = None,
-    start_time: float = 0.0,
+    start_time: float | None = None,
     segments: int | None = None,
     time_limit: float = 120.0,
     tolerance: float = 1e-10,
@@ -94,7 +95,7 @@ def identify(
         not-a-number for one that was missed, and their standard deviation; a list of these for several experiments.
         A table needs no more than ``time`` with them.
     :param smoothing: distance [s] between knots of the splines of driving columns; None: one knot a value.
-    :param start_time: time of the start values [s].
+    :param start_time: time of the start values [s]; None: where each table begins.
     :param segments: of multiple shooting, for chaotic motions and poor start values; None: chosen if needed.
     :param time_limit: duration of the search [s]; the error at its end carries the fit reached so far.
     :param tolerance: of the steps, relative.
@@ -112,7 +113,8 @@ def identify(
     check_positive("tolerance", tolerance, IdentificationError)
     check_positive("time_limit", time_limit, IdentificationError)
     deadline = time.monotonic() + time_limit
-    check_finite("start_time", start_time, IdentificationError)
+    if start_time is not None:
+        check_finite("start_time", start_time, IdentificationError)
     if segments is not None:
         check_integer("segments", segments, IdentificationError)
     model = continuous_model(
@@ -121,27 +123,30 @@ def identify(
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
     )
+    begins = [float(one.times[0]) if start_time is None else start_time for one in experiments]
+    experiments = tuple(replace(one, start_time=begin) for one, begin in zip(experiments, begins, strict=True))
     for experiment in experiments:
-        if experiment.inputs and experiment.times[0] > start_time:
-            words = f"drives from {experiment.times[0]:g} s on, after start_time = {start_time:g}; give start_time"
+        begin, first = experiment.start_time, experiment.times[0]
+        if experiment.inputs and first > begin:
+            words = f"drives from {first:g} s on, after start_time = {begin:g}; give start_time, or leave it out"
             raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
-        if experiment.times[0] < start_time:
-            raise IdentificationError(
-                f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
-            )
+        if first < begin:
+            raise IdentificationError(f"{experiment.title}: time begins at {first:g} s, before start_time = {begin:g}")
     variables = settable_variables(model, operator_models(model, operators, IdentificationError))
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, name_list("each", each, IdentificationError))
     starts = unknowns.numbers_by_element("start_values", values)
     unsure = noise is None and any(experiment.signals for experiment in experiments)
     levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
-    limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
+    limits = unknowns.limits(
+        {} if bounds is None else bounds, min(float(e.times[0]) - e.start_time for e in experiments)
+    )
     outputs = {variable.name for variable in model.outputs}
     started = {p.name: output for p in model.parameters if (output := _output_of_start_value(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
     for experiment, columns in zip(experiments, unknowns.columns, strict=True):
         for name, column in columns.items():
-            if name in started and name not in starts and experiment.times[0] == start_time:
+            if name in started and name not in starts and experiment.times[0] == experiment.start_time:
                 near = smoothed_values(experiment, started[name], [0], start[[column]])
                 start[column] = np.clip(near, *limits[:, column])[0]
     problem = FittingProblem(
@@ -156,7 +161,6 @@ def identify(
         priors=tuple(unknowns.priors({} if prior is None else prior)),
         loss=loss,
         starts=started,
-        start_time=start_time,
         start_values={name: value for name, value in starts.items() if name not in unknowns.names},
         operators=operators or {},
         tolerance=tolerance,

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_lsq_spline
 
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.array_names import array_and_index
-from liaisons.base.files import read_csv_cells
 from liaisons.base.knots import knots, piecewise_polynomial
-from liaisons.base.units import size_in_si
+from liaisons.base.tables import Table, is_estimate, read_table, table_of
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.determinacy import Floats
 from liaisons.mechanics.model import Model
 from liaisons.results import Result
-
-_Columns = list[tuple[str, str, Sequence[Any]]]
-"""Heading, unit and cells of each column."""
 
 
 @final
@@ -40,6 +34,7 @@ class Measurements:
     :param title: name of the file, or title of the result.
     :param instants: ``"gap_impacts"`` -> instants [s] of the impacts of ``gap``, not-a-number where one is missing, and
         their standard deviation.
+    :param start_time: time of the start values [s].
     """
 
     times: Floats
@@ -48,6 +43,7 @@ class Measurements:
     inputs: Mapping[str, PPoly]
     title: str
     instants: Mapping[str, tuple[Floats, float]] = field(default_factory=dict)
+    start_time: float = 0.0
 
     @property
     def value_count(self) -> int:
@@ -70,11 +66,11 @@ def measurements(
     A column named like an output is a signal.  A column named like an input or an active coordinate drives the motion:
     a quintic spline interpolates its values, and its rates and accelerations if these have columns.
 
-    A CSV file has names in its first line and units behind them, ``theta [deg]``, or in the next line after ``#``;
-    a column without a unit is in SI units.  An empty cell is a missing value.
+    A file has units behind its names, ``theta [deg]``, or in a line of their own after ``#``; a column without a unit
+    is in SI units.  An empty cell is a missing value.
 
-    :param data: a path, a :class:`liaisons.Result`, a mapping of names to arrays, ``time`` [s] among them; or a list of
-        these, one an experiment.
+    :param data: a path, a :class:`liaisons.Result`, a data frame, a mapping of names to arrays, ``time`` among them; or
+        a list of these, one an experiment.
     :param model: equations of the measured mechanism.
     :param measured: outputs that are fitted, arrays as a whole or by elements; None: all that have a column.
     :param unknown: names to be identified; a column of such a name must be constant, and is left out.
@@ -97,15 +93,12 @@ def measurements(
     tables = list(data) if isinstance(data, (list, tuple)) else [data]
     experiments = []
     for one, event in zip(tables, _instants_by_experiment(instants, len(tables)), strict=True):
-        title, columns, rows = _read_table(one)
-        with _prefixed_errors(title):
-            values = _columns_by_name(columns, flat, ignored, rows)
-            times = values.pop("time", np.empty(0))
-            with _prefixed_errors("column time"):
-                if times.size < 2:
-                    raise ValueError(f"{times.size} rows; give two at least")
-                _refuse_rows(np.isnan(times), rows, "a value is missing")
-                _refuse_rows(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
+        table = _read_table(one, [v.name for v in (*flat.inputs, *flat.outputs)])
+        with _prefixed_errors(table.title):
+            values = _columns_by_name(table, flat, ignored)
+            times = table.times(most=1) if table.clock else np.empty(0)
+            if times.size < 2:
+                raise ValueError(f"column time: {times.size} rows; give two at least")
             signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
             own = dict(_checked_instants(event, outputs, times[0]))
             if not (signals or own):
@@ -115,9 +108,9 @@ def measurements(
             for name in signals:
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
-            inputs = dict(_driving_splines(flat, times, values, unknown, smoothing, rows))
+            inputs = dict(_driving_splines(flat, times, values, unknown, smoothing, table))
         columns_of_signals = np.array([values[name] for name in signals]).reshape(-1, len(times))
-        experiments.append(Measurements(times, signals, columns_of_signals, inputs, title, own))
+        experiments.append(Measurements(times, signals, columns_of_signals, inputs, table.title, own))
     return tuple(experiments)
 
 
@@ -183,42 +176,23 @@ def _prefixed_errors(label: str) -> Iterator[None]:
         raise IdentificationError(f"{label}: {error}") from None
 
 
-def _refuse_rows(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
-    """Raise a ValueError that names the first wrong row, if there is one."""
-    if wrong.any():
-        raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
-
-
-def _cell_number(cell: object, row: str) -> float:
-    """Number in a cell; not-a-number for an empty one."""
-    try:
-        return float(str(cell) or "nan")
-    except ValueError as error:
-        raise ValueError(f"{row}: {error}") from None
-
-
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
     """Whether the name of an element or of its array is among the chosen names."""
     return not {name, array_and_index(name)[0]}.isdisjoint(chosen)
 
 
-def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
-    """Columns by name of their variable, or ``"time"``, in SI units."""
-    units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
+def _columns_by_name(table: Table, model: Model, ignored: Sequence[str]) -> dict[str, Floats]:
+    """Columns but that of time by name of their variable, in SI units."""
+    units = {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
-    for heading, below, cells in columns:
-        bracketed = None if heading in units else re.fullmatch(r"(.*?)\s*[\[(]([^\[(]*)[\])]", heading)
-        name, unit = bracketed.groups() if bracketed else (heading, below)
-        if _is_among(name, [*ignored, "coupling_error"]) or name.startswith("error of "):  # of results in files
+    for name in table.names:
+        if _is_among(name, ignored) or is_estimate(name, units):
             continue
-        name = "time" if name == "t" else name
-        with _prefixed_errors(f"column {name}"):
-            if name in values or name not in units:
-                words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
-                raise ValueError(f"it {words}; ignore=[...] leaves columns out")
-            numbers = np.array([_cell_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
-            _refuse_rows(np.isinf(numbers), rows, "finite numbers only")
-            values[name] = numbers * (size_in_si(unit, units[name]) if unit and units[name] else 1.0)
+        if table.names.count(name) > 1 or (name != table.clock and name not in units):
+            words = "is there twice" if table.names.count(name) > 1 else f"is no variable{suggestion(name, units)}"
+            raise ValueError(f"column {name}: it {words}; ignore=[...] leaves columns out")
+        if name != table.clock:
+            values[name] = table.numbers(name, units[name])
     return values
 
 
@@ -228,14 +202,14 @@ def _driving_splines(  # noqa: PLR0917
     values: Mapping[str, Floats],
     unknown: Iterable[str],
     smoothing: float | None,
-    rows: Sequence[str],
+    table: Table,
 ) -> Iterator[tuple[str, PPoly]]:
     """Yield name and spline of each input that moves, or differs from its declared value."""
     rates = {triple.value: (triple.rate, triple.acceleration) for triple in model.active}
     owners = {rate: name for name, pair in rates.items() for rate in pair}
     for name, start in ((v.name, v.starts[0]) for v in model.inputs if v.name in values):
+        table.refuse_rows(name, np.isnan(values[name]), "a value is missing")
         with _prefixed_errors(f"column {name}"):
-            _refuse_rows(np.isnan(values[name]), rows, "a value is missing")
             if owners.get(name, name) not in values:
                 raise ValueError(f"{owners[name]} has no column; add it")
             triple = [values.get(part) for part in (name, *rates.get(name, ()))]
@@ -243,8 +217,8 @@ def _driving_splines(  # noqa: PLR0917
             if moves and name in unknown:
                 raise ValueError("it moves, and is unknown; ignore it, or give it")
             if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
-                table = _spline_knots(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
-                yield name, piecewise_polynomial(table)
+                spline = _spline_knots(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
+                yield name, piecewise_polynomial(spline)
 
 
 def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
@@ -262,21 +236,18 @@ def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
     return np.array([edges, *(spline(edges, order) for order in range(3))])
 
 
-def _read_table(data: object) -> tuple[str, _Columns, list[str]]:
-    """Title, columns and row labels of a table."""
+def _read_table(data: object, known: Sequence[str]) -> Table:
+    """Table of one experiment."""
     if isinstance(data, (str, PathLike)):
-        headings, below, lines = read_csv_cells(Path(data), IdentificationError)
-        if not headings:
+        table = read_table(Path(data), IdentificationError)
+        if not table.names:
             raise IdentificationError(f"{data}: empty; its first line has to name columns, one of them time")
-        columns = zip(*lines.values(), strict=True) if lines else [[]] * len(headings)
-        return str(data), list(zip(headings, below, columns, strict=True)), [f"line {number}" for number in lines]
-    units: Mapping[str, str] = getattr(data, "units", {})
+        return table.named(known)
     try:
-        recorded = isinstance(data, Result) and {"time": data.time} | {name: data.numbers(name) for name in data.names}
-        arrays: dict[str, Any] = recorded or dict(data)  # type: ignore[call-overload]
-        (count,) = {len(array) for array in arrays.values()}
+        if isinstance(data, Result):
+            columns = {"time": data.time} | {name: data.numbers(name) for name in data.names}
+            return table_of(columns, IdentificationError, data.units, data.title).named(known)
+        return table_of(data, IdentificationError).named(known)
     except (TypeError, ValueError):
         words = "give a path, a Result, a mapping of arrays of one length, or a list of these"
         raise IdentificationError(f"data = {shown(data)}: {words}") from None
-    of_arrays = [(str(name), units.get(name, ""), array) for name, array in arrays.items()]
-    return getattr(data, "title", "data"), of_arrays, [f"row {row}" for row in range(count)]

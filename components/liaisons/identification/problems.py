@@ -189,7 +189,6 @@ class FittingProblem:
     priors: tuple[Prior, ...]
     loss: str
     starts: Mapping[str, str]
-    start_time: float
     start_values: Mapping[str, Any]
     operators: Mapping[str, Target]
     tolerance: float
@@ -226,7 +225,7 @@ class FittingProblem:
         :param record: signals, those of the measurements first; None: those of the measurements.
         """
         own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
-        offset, start = columns.get(TIME_OFFSET), self.start_time if start_time is None else start_time
+        offset, start = columns.get(TIME_OFFSET), data.start_time if start_time is None else start_time
         motion = motion_of(
             self.subject,
             list(own),
@@ -264,7 +263,7 @@ class FittingProblem:
                 edges[i], states[:, i] = self._nearest_possible_start(whole, unknowns, edge, most, signals)
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
-                if start in own and data.times[0] == self.start_time:
+                if start in own and data.times[0] == data.start_time:
                     values[own[start]] = state[0]
             for i, (first, last) in enumerate(pairwise(edges)):
                 if i:

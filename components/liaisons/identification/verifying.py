@@ -53,7 +53,8 @@ def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
 
 def impact_sides(estimate: ParameterEstimate, experiment: int) -> dict[str, Floats]:
     """Times [s] just before and just after the fitted impacts of an experiment, shape (2, impacts)."""
-    chosen, begin = estimate.objective.experiments[experiment], estimate.problem.start_time
+    chosen = estimate.objective.experiments[experiment]
+    begin = chosen.measurements.start_time
     delay = 0.0 if chosen.offset is None else estimate.values[chosen.offset]
     margin = _MARGIN * (chosen.motion.times[-1] - begin)
     return {
@@ -68,7 +69,7 @@ def _run_experiment(
     """Simulate the FMUs with the inputs of an experiment, with further communication points."""
     starts = {**problem.start_values, **values}
     data, subject = experiment.measurements, problem.subject
-    ends = np.unique(np.concatenate([[problem.start_time], experiment.motion.times, *further]))
+    ends = np.unique(np.concatenate([[data.start_time], experiment.motion.times, *further]))
     most = np.ptp(ends) / _MIN_STEPS
     inner = [np.linspace(a, b, int(np.ceil((b - a) / most)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(inner), ends[-1])

@@ -53,7 +53,7 @@ class Result(LabelledSignals):
         most, with the number of the case.
     """
 
-    def to_csv(self, path: Path | str) -> None:
+    def to_csv(self, path: Path | str, *, plain: bool = False) -> None:
         """Write a CSV file: names in its first line, units in the second after ``#``, then a line a point or case.
 
         Between them, ``# title: ...`` and a line ``# warning: ...`` each; error estimates are columns behind the
@@ -61,9 +61,10 @@ class Result(LabelledSignals):
         ``pandas.read_csv(path, comment="#")`` or ``numpy.genfromtxt(path, delimiter=",", names=True)``.  Where there
         are cases, the last column, ``failure``, says why one has failed.  The file appears when it is complete.
 
+        :param plain: leaves out units and notes, which FMPy's ``--input-file`` cannot read.
         :raises SimulationError: if it cannot be written.
         """
-        tables.write_csv(self, as_path("to_csv", path))
+        tables.write_csv(self, as_path("to_csv", path), plain=plain)
 
     @classmethod
     def from_csv(cls, path: Path | str) -> Result:
@@ -71,7 +72,7 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
-        return cls(**tables.read_csv(as_path("from_csv", path)))
+        return cls(**tables.read(as_path("from_csv", path), "to_csv"))
 
     def to_parquet(self, path: Path | str) -> None:
         """Write a Parquet file with the columns of :meth:`to_csv`, and units, title and warnings as metadata.
@@ -89,7 +90,7 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if it cannot be read, or PyArrow is missing.
         """
-        return cls(**tables.read_parquet(as_path("from_parquet", path)))
+        return cls(**tables.read(as_path("from_parquet", path), "to_parquet"))
 
     def to_pandas(self) -> Any:
         """Make a ``pandas.DataFrame`` with a column for each signal, over time, cases or both; units in ``attrs``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from importlib import import_module
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.files import replacement_path
+from liaisons.base.tables import Table, import_optional, import_pyarrow, read_table
 from liaisons.errors import SimulationError
 from liaisons.results.signals import LabelledSignals
 
@@ -24,36 +25,40 @@ _NOTES = ("title", "warning", "estimates")
 """Metadata of a file: in CSV lines ``# title: a swing``, in Parquet in the metadata of the schema."""
 
 
-def write_csv(signals: LabelledSignals, path: Path) -> None:
+def write_csv(signals: LabelledSignals, path: Path, *, plain: bool) -> None:
     """Write signals to a CSV file.
 
+    :param plain: without units and notes.
     :raises SimulationError: if it cannot be written.
     """
     names, (unit, *units), contents = zip(*_file_columns(signals), strict=True)
     with replacement_path(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([names, [f"# {unit}", *units]])
-        file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals))
+        writer.writerows([names] if plain else [names, [f"# {unit}", *units]])
+        file.writelines(() if plain else f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals))
         writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
 
 
-def read_csv(path: Path) -> dict[str, Any]:
-    """Read a CSV file; returns the fields of :class:`LabelledSignals`.
+def read(path: Path, writer: str) -> dict[str, Any]:
+    """Read a CSV or Parquet file; returns the fields of :class:`LabelledSignals`.
 
+    :param writer: method that writes such files.
     :raises SimulationError: if it cannot be read, or is not such a file.
     """
-    notes: list[tuple[str, str]] = []
+    label = f"{path}: not a result that {writer} has written"
+    table = read_table(path, SimulationError, label).named()
+    if table.names[-1:] != (_FAILURE,) and table.clock in table.names[1:]:  # of another tool
+        order = sorted(range(len(table.names)), key=lambda column: table.names[column] != table.clock)
+        moved = {part: tuple(getattr(table, part)[i] for i in order) for part in ("names", "units", "cells")}
+        table = replace(table, **moved)
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            names, *rows = csv.reader(_split_notes(file, notes))
-        units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
-        units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
-        columns = zip(names, units, *rows, strict=True)
-        return _signal_fields(path.stem, notes, names, units, [content for _, _, *content in columns])
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, csv.Error) as error:
-        raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
+        notes = [
+            (key, text if writer == "to_parquet" else _unescaped(text)) for key, text in table.notes if key in _NOTES
+        ]
+        notes += [("warning", one) for key, text in table.notes if key == "warnings" for one in json.loads(text)]
+        return _signal_fields(path.stem, notes, table)
+    except (TypeError, ValueError) as error:
+        raise SimulationError(f"{label}: {error}") from None
 
 
 def write_parquet(signals: LabelledSignals, path: Path) -> None:
@@ -61,7 +66,7 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
 
     :raises SimulationError: if it cannot be written, or PyArrow is missing.
     """
-    arrow, parquet = _import_pyarrow(path)
+    arrow, parquet = import_pyarrow(path, SimulationError)
     names, units, contents = zip(*_file_columns(signals), strict=True)
     arrays = [arrow.array(content) for content in contents]
     columns = zip(names, arrays, units, strict=True)
@@ -72,31 +77,9 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
         parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata=notes)), part)
 
 
-def read_parquet(path: Path) -> dict[str, Any]:
-    """Read a Parquet file; returns the fields of :class:`LabelledSignals`.
-
-    :raises SimulationError: if it cannot be read, or PyArrow is missing.
-    """
-    arrow, parquet = _import_pyarrow(path)
-    try:
-        with path.open("rb") as file:
-            table = parquet.ParquetFile(file).read()
-    except (OSError, ValueError, arrow.ArrowException) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise SimulationError(f"{path}: cannot be read as Parquet: {reason}") from None
-    metadata = {key.decode(errors="replace"): text for key, text in (table.schema.metadata or {}).items()}
-    units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
-    try:
-        notes = [(key, metadata[key].decode()) for key in _NOTES if key in metadata]
-        notes += [("warning", str(text)) for text in json.loads(metadata.get("warnings", "[]"))]
-        return _signal_fields(path.stem, notes, table.column_names, units, [c.to_numpy() for c in table.columns])
-    except (TypeError, ValueError) as error:
-        raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
-
-
 def data_frame(signals: LabelledSignals) -> Any:
     """Make a ``pandas.DataFrame`` with a column for each signal."""
-    pandas = _import_optional("to_pandas", "pandas", "pandas")
+    (pandas,) = import_optional("to_pandas", "pandas", "pandas", SimulationError)
     levels = [pandas.Index(axis, name=name) for name, axis in signals.index.items()]
     index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
     frame = pandas.DataFrame({name: signals[name].ravel() for name in signals.names}, index=index)
@@ -111,7 +94,7 @@ def data_frame(signals: LabelledSignals) -> Any:
 
 def dataset(signals: LabelledSignals) -> Any:
     """Make an ``xarray.Dataset`` with a variable for each signal or array."""
-    xarray = _import_optional("to_xarray", "xarray", "xarray")
+    (xarray,) = import_optional("to_xarray", "xarray", "xarray", SimulationError)
     index = signals.index
     data = xarray.Dataset(coords=index, attrs={"title": signals.title, "warnings": list(signals.warnings)})
     if "time" in index:
@@ -188,35 +171,35 @@ def _failure_reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[A
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
 
-def _signal_fields(
-    title: str,
-    notes: Sequence[tuple[str, str]],
-    names: Sequence[str],
-    units: Sequence[str],
-    contents: Sequence[Sequence[Any]],
-) -> dict[str, Any]:
+def _signal_fields(title: str, notes: Sequence[tuple[str, str]], table: Table) -> dict[str, Any]:
     """Fields of :class:`LabelledSignals` from the columns and notes of a file.
 
     :param title: unless the notes have one.
     :raises ValueError: with the reason, if these are no signals.
     """
-    noted = dict(notes)
-    first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
+    noted, names, units = dict(notes), table.names, table.units
+    if not (names and table.rows):
+        raise ValueError("it has no numbers")
+    first = 1 if names[-1:] != (_FAILURE,) else 2 if names[:2] == ("time", "case") else int(names[0] == "time")
     end = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
     last, last_error = _column_ends(noted.get("estimates", ""), first, end)
-    texts, rows = {}, [*contents[:end]]
-    for column, name in enumerate(names[first:last], start=first):
-        if not units[column] and len(rows[column]) and not any(map(_is_number, rows[column])):
-            strings, indices = np.unique(np.array(rows[column], dtype=str), return_inverse=True)
-            texts[name], rows[column] = tuple(strings.tolist()), indices.tolist()
+    if len(set(names[:last])) < last:
+        raise ValueError("it has a name twice")
+    texts, rows = {}, []
+    for column, name in enumerate(names[:end]):
+        cells = table.cells[column]
+        if first <= column < last and not units[column] and not any(map(_is_number, cells)):
+            strings, indices = np.unique(np.array(cells, dtype=str), return_inverse=True)
+            texts[name] = tuple(strings.tolist())
+            rows.append(indices)
+        else:
+            rows.append(table.numbers(column, None) if column or not first else table.times(0))
     numbers = np.array(rows, dtype=float)
-    if len(set(names[:last])) < last or not numbers.size:
-        raise ValueError("it has a name twice, or no numbers")
     time, values = numbers[0].copy() if first else np.empty(0), numbers[first:]
     if first == 2:
         time = np.unique(time)
         values = values.reshape(len(values), len(time), -1)
-    failures = [] if first == 1 else contents[end][: values.shape[-1]]
+    failures = [] if first == 1 else table.cells[end][: values.shape[-1]]
     values, errors, coupling_error = np.split(values, [last - first, last_error - first])
     if first == 2:
         errors = errors[:, 0]  # of a case, the same at all times
@@ -255,17 +238,12 @@ def _escaped(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
 
 
-def _split_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
-    """Yield the lines of a CSV file without those of metadata, which are appended to ``notes``."""
-    for line in lines:
-        key, colon, text = line.rstrip("\r\n").partition(": ")
-        if not (colon and key.startswith("# ") and key[2:] in _NOTES):
-            yield line
-            continue
-        try:
-            notes.append((key[2:], json.loads(f'"{text}"')))
-        except ValueError:  # written by hand
-            notes.append((key[2:], text))
+def _unescaped(text: str) -> str:
+    """Text of a note; as it stands if it was written by hand."""
+    try:
+        return json.loads(f'"{text}"')
+    except ValueError:
+        return text
 
 
 def _is_number(content: Any) -> bool:
@@ -275,17 +253,3 @@ def _is_number(content: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return True
-
-
-def _import_optional(purpose: str, package: str, extra: str, module: str = "") -> Any:
-    """Import an optional package, or a module of it; raises a SimulationError that names its extra."""
-    try:
-        return import_module(f"{package.lower()}{module}")
-    except ImportError:
-        raise SimulationError(f"{purpose} needs {package}; pip install 'liaisons[{extra}]'") from None
-
-
-def _import_pyarrow(path: Path) -> tuple[Any, Any]:
-    """Import PyArrow and its module for Parquet."""
-    names = f"{path}: Parquet", "PyArrow", "parquet"
-    return _import_optional(*names), _import_optional(*names, ".parquet")
