@@ -102,7 +102,7 @@ def test_table_names_signal_unit_and_method() -> None:
     ("changes", "words"),
     [
         ({"names": ("y",)}, "sine and other have no signal in common"),
-        ({"units": {"x": "mm"}}, "x is in m in sine, in mm in other; convert one"),
+        ({"units": {"x": "kg"}}, "x is in m in sine, in kg in other; convert one"),
         ({"time": np.arange(5) + 3.0}, r"sine \(t = 0 to 2 s\) and other \(3 to 7 s\) have no time in common"),
         ({"time": np.empty(0)}, "the result of other has cases and no time"),
     ],

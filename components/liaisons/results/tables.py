@@ -35,7 +35,7 @@ def write_csv(signals: LabelledSignals, path: Path, *, plain: bool) -> None:
     with replacement_path(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerows([names] if plain else [names, [f"# {unit}", *units]])
-        file.writelines(() if plain else f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals))
+        file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals) if not plain)
         writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
 
 
