@@ -51,7 +51,7 @@ class Table:
     title: str
     names: tuple[str, ...]
     units: tuple[str, ...]
-    cells: tuple[Sequence[Any], ...]
+    cells: tuple[Any, ...]
     rows: Sequence[str]
     error: type[LiaisonsError]
     notes: tuple[tuple[str, str], ...] = ()
@@ -97,12 +97,8 @@ class Table:
         """
         column = self.names.index(column) if isinstance(column, str) else column
         name, cells = self.names[column], self.cells[column]
-        try:
-            numbers = np.array([*map(float, cells)])
-            exact = not any(type(cell) is str and "_" in cell for cell in cells)
-        except (TypeError, ValueError):
-            exact = False
-        if not exact or np.asarray(cells[:1]).dtype.kind in "mM":
+        numbers = _plain_numbers(cells)
+        if numbers is None:
             numbers = np.array([self._number(name, *pair) for pair in zip(self.rows, cells, strict=True)])
         huge = [bool(np.isinf(x)) and "inf" not in str(cell).lower() for x, cell in zip(numbers, cells, strict=True)]
         self.refuse_rows(name, np.array(huge, dtype=bool), "more than a number can be")
@@ -110,7 +106,7 @@ class Table:
             return numbers
         with np.errstate(over="ignore"):
             try:
-                numbers = numbers * size_in_si(self.units[column], unit)
+                numbers = np.multiply(numbers, size_in_si(self.units[column], unit))
             except ValueError as problem:
                 raise self._error(name, str(problem)) from None
         self.refuse_rows(name, np.isinf(numbers), "finite numbers only")
@@ -239,7 +235,8 @@ def _read_csv(path: Path, error: type[LiaisonsError], title: str) -> Table:
         _use_points(rows, quoted=sign == ",") if sign != "," or '"' in text else None
     except (csv.Error, ValueError) as problem:
         raise error(f"{title}: no table of numbers: {problem}") from None
-    notes = [comment.partition(": ")[::2] for comment in comments.values() if ": " in comment]
+    pairs = (comment.partition(": ") for comment in comments.values())
+    notes = [(key, text) for key, colon, text in pairs if colon]
     cells = tuple(zip(*rows.values(), strict=True)) if rows else ((),) * len(names)
     labels = [f"line {number}" for number in rows]
     exact, units = bool(units), units or [""] * len(names)
@@ -319,6 +316,16 @@ def _use_points(rows: dict[int, list[str]], *, quoted: bool) -> None:
         raise ValueError(f"line {number}, column {column + 1}: {cell!r}: {words}")
     for number, column, cell in commas:
         rows[number][column] = cell.replace(",", ".")
+
+
+def _plain_numbers(cells: Any) -> Floats | None:
+    """Numbers in cells that all have one; None if one has to be looked at."""
+    try:
+        numbers = np.array([*map(float, cells)])
+    except (TypeError, ValueError):
+        return None
+    dates = np.asarray(cells[:1]).dtype.kind in "mM"
+    return None if dates or any(type(cell) is str and "_" in cell for cell in cells) else numbers
 
 
 def _is_number(cell: str) -> bool:
