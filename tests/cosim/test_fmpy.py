@@ -9,6 +9,7 @@ import fmpy
 import numpy as np
 import pytest
 from equations import equations
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.sundials import CVodeSolver
@@ -26,6 +27,19 @@ def _alone(path: Path, **options: Any) -> System:
     system = System("alone")
     system.add("mass", path, **options)
     return system
+
+
+def test_messages_of_fmpy_and_of_a_run_go_their_ways(component: FmuPaths, capsys: pytest.CaptureFixture[str]) -> None:
+    """FMPy has one logger of FMI 2.0 in a process, and prints what a run of ours leaves to it."""
+    path = component("Pendulum")
+    with _alone(path).start(step_size=0.1) as run:
+        run.step()
+        with pytest.raises(FMICallException, match="fmi2ExitInitializationMode"):
+            fmpy.simulate_fmu(str(path), start_values={"mass": -1.0}, stop_time=0.1)
+        assert "mass = -1 at t = 0: it must be > 0" in capsys.readouterr().out
+        with pytest.raises(SimulationError, match="mass = -2 at t = 0: it must be > 0"):
+            run.reset({"mass.mass": -2.0})
+        assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(

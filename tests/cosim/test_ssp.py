@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import math
+import os
 import re
 import shutil
 import zipfile
@@ -21,6 +23,7 @@ from numpy.testing import assert_array_equal
 from schemas import validated
 
 from liaisons import System, ssp
+from liaisons.base.folders import temporary_folder
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DefaultExperiment, read
 from liaisons.cosim.instances import make_instance
@@ -171,9 +174,30 @@ def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> No
     again = System.from_ssp(tmp_path / "system.ssp")
     path = again.parts["spring"].fmu.path
     assert path.exists()
+    other = again.with_start_values({"spring.stiffness": 0.5})
     del again
     gc.collect()
+    assert path.exists()
+    del other
+    gc.collect()
     assert not path.exists()
+
+
+@pytest.mark.parametrize("refusals", [1, 2])
+def test_a_folder_that_is_busy_is_removed_later(monkeypatch: pytest.MonkeyPatch, refusals: int) -> None:
+    """TemporaryDirectory ignores errors: what it left stayed until the end of the process."""
+    left, remove = [OSError(errno.EBUSY, "busy")] * refusals, os.rmdir
+
+    def rmdir(*arguments: Any, **keywords: Any) -> None:
+        if left:
+            raise left.pop()
+        remove(*arguments, **keywords)
+
+    with temporary_folder() as folder:
+        (folder / "0").mkdir()
+        (folder / "0" / "file").write_text("")
+        monkeypatch.setattr(os, "rmdir", rmdir)
+    assert (left, folder.exists()) == ([], False)
 
 
 @pytest.fixture(params=["native, FMI 2.0", "native, FMI 3.0", "Python"])

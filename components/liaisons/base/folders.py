@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import sleep
 
 # Reads the name of each folder when it is created and again when it is removed; at the end of its input it removes the
 # rest.  It ignores the signals that end the process it serves.
@@ -27,6 +29,10 @@ for folder in folders:
 """
 
 
+_PAUSES = (0.0, 0.01, 0.1, 0.0)
+"""Pauses before a folder is removed once more [s]; what is left then is left to the janitor."""
+
+
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """Yield a new folder, which is removed at the end of the context, or when this process is killed."""
@@ -36,7 +42,12 @@ def temporary_folder() -> Iterator[Path]:
         with folder:
             yield Path(folder.name)
     finally:
-        _report_folder(folder.name)
+        for pause in _PAUSES:  # what could not be removed at that instant
+            if not os.path.lexists(folder.name):
+                _report_folder(folder.name)
+                break
+            sleep(pause)
+            shutil.rmtree(folder.name, ignore_errors=True)
 
 
 @lru_cache(maxsize=1)

@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import Any, TypeVar, final
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
@@ -36,8 +36,13 @@ _VERSIONS = ("1.0", "2.0")
 S = TypeVar("S", bound=System)
 
 
+@final
+class _Folder:
+    """Owner of a folder: the folder is removed with it."""
+
+
 def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
-    """System in an archive, whose FMUs are unpacked into a folder that lives as long as the system.
+    """System in an archive, whose FMUs are unpacked into a folder that lives as long as the system, or a copy.
 
     :param make: creates a system of a name.
     :param starts: start values that override those of the archive, by ``"component.variable"``.
@@ -56,7 +61,9 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
             if str(file) not in str(error):
                 raise type(error)(f"{file}: {error}") from error
             raise
-        weakref.finalize(system, stack.pop_all().close)
+        folder = _Folder()
+        weakref.finalize(folder, stack.pop_all().close)
+        vars(system)["_folder"] = folder  # which copies of the system share
     return system
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from abc import ABC
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
-from typing import ClassVar, final
+from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any, ClassVar, final
 
 import fmpy
 from fmpy.fmi2 import (
@@ -17,8 +21,9 @@ from fmpy.fmi2 import (
     fmi2LastSuccessfulTime,
     fmi2Terminated,
 )
-from fmpy.logging import addLoggerProxy
+from fmpy.logging import logging
 
+from liaisons.base.folders import process_folder
 from liaisons.cosim.arrays import Numbers, pointer_to
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.buffer_layouts import counted_buffer, value_references
@@ -126,7 +131,14 @@ _release = fmi2CallbackFreeMemoryTYPE(fmpy.free)
 def _callbacks(environment: int) -> fmi2CallbackFunctions:
     """Callback functions of an instance, whose environment is its id."""
     callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=environment)
-    # The proxy formats the variadic message.  It remembers one logger for the whole process, the last that was added:
-    # hence one logger for all instances, told apart by the environment, and added anew each time.
-    addLoggerProxy(byref(callbacks))
+    # The proxy formats the variadic message.  It remembers one logger, the last that was added: hence one logger for all
+    # instances, told apart by the environment.
+    _add_logger_proxy()(byref(callbacks))
     return callbacks
+
+
+@cache
+def _add_logger_proxy() -> Callable[[Any], None]:
+    """FMPy's function that adds the proxy, in a copy of its library: the logger that FMPy remembers stays its own."""
+    folder = Path(mkdtemp(dir=process_folder()))
+    return CDLL(str(shutil.copy(logging._name, folder))).addLoggerProxy  # noqa: SLF001 - the path of the library
