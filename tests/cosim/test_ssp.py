@@ -18,11 +18,11 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
-from making import FmuPaths, members
+from making import FmuPaths, described, members
 from numpy.testing import assert_array_equal
 from schemas import validated
 
-from liaisons import System, ssp
+from liaisons import System, ssp, start, sweep
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DefaultExperiment, read
@@ -90,6 +90,47 @@ def test_experiment_is_kept(system: System, tmp_path: Path, form: Form, times: t
 def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:
     system.write_ssp(path, **given)
     return ssp.read(path, System).experiment
+
+
+def test_default_experiments_count_in_every_run(component: FmuPaths, tmp_path: Path) -> None:
+    """As what the caller would say: the tolerance of an FMU, and start, stop and step size of an archive."""
+    loose = described(component("Pendulum"), tmp_path / "P.fmu", lambda text: _with_tolerance(text, b"1e-3"))
+    said: dict[str, Any] = {"start_time": 0.5, "stop_time": 2.5, "step_size": 0.25}
+    system = System("alone")
+    system.add("P", loose, theta_0=1.0)
+    expected = System("told")
+    expected.add("P", component("Pendulum"), theta_0=1.0)
+    told, exact = (expected.simulate(**said, tolerance=t)["P.theta"] for t in (1e-3, 1e-12))
+    assert max(abs(told - exact)) > 1e-9  # so that the tolerance shows
+    system.write_ssp(tmp_path / "alone.ssp", **said)
+    archive = System.from_ssp(tmp_path / "alone.ssp")
+    found = {
+        "simulate": simulate(loose, theta_0=1.0, **said)["theta"],
+        "System.simulate": system.simulate(**said)["P.theta"],
+        "archive": archive.simulate()["P.theta"],
+        "a copy": archive.with_start_values({}).simulate()["P.theta"],
+        "sweep": [float(sweep(archive, {"P.mass": [1.0]}, "P.theta", workers=1)["P.theta"][0])],
+    }
+    starts = {
+        "start": lambda: start(loose, start_time=0.5, step_size=0.25, theta_0=1.0),
+        "System.start": lambda: system.start(start_time=0.5, step_size=0.25),
+        "archive, stepped": archive.start,
+        "its path": lambda: start(tmp_path / "alone.ssp"),
+    }
+    for name, begin in starts.items():
+        with begin() as run:
+            for _ in range(8):
+                run.step()
+            assert run.time == 2.5
+            found[name] = run.result[f"{'' if name == 'start' else 'P.'}theta"]
+    for name, values in found.items():
+        assert_array_equal(values, told[-len(values) :], err_msg=name)
+
+
+def _with_tolerance(description: bytes, tolerance: bytes) -> bytes:
+    text, count = re.subn(rb'(<DefaultExperiment[^>]*tolerance=")[^"]*', rb"\g<1>" + tolerance, description)
+    assert count == 1
+    return text
 
 
 def test_experiment_is_that_of_the_last_run_else_that_of_the_fmus(component: FmuPaths, tmp_path: Path) -> None:

@@ -49,6 +49,7 @@ class System:
 
     :param name: used in messages, results and figures.
     :ivar experiment: of the last run, or of the archive that was read.
+    :ivar defaults: start, stop and step size of the archive that was read, where a run is given none.
     """
 
     def __init__(self, name: str) -> None:
@@ -57,7 +58,7 @@ class System:
         self.name = name
         self._parts: dict[str, SystemComponent] = {}
         self._connections: dict[VariableReference, Connection] = {}
-        self.experiment = DefaultExperiment()
+        self.experiment = self.defaults = DefaultExperiment()
 
     def add(
         self,
@@ -182,14 +183,16 @@ class System:
         See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
         :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
 
-        :param stop_time: stop [s]; None: the last of ``times``, without which it is needed.
+        :param stop_time: stop [s]; None: the last of ``times``, else that of the archive, without which it is needed.
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
-            shorter if need be.  None: the shortest in the FMUs' default experiments, else a 500th of the time; in
-            implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
+            shorter if need be.  None: that of the archive, else the shortest in the FMUs' default experiments, else a
+            500th of the time; in implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
             short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
-        :param start_time: start [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
+        :param start_time: start [s]; None: that of the archive, else of the FMUs' default experiments if it is the same
+            in all, else 0.
         :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
-        :param tolerance: relative tolerance of the FMUs' solvers; None: each FMU's own.
+        :param tolerance: relative tolerance of the FMUs' solvers; None: that of each FMU's default experiment, or its
+            own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
             error of first order in H where there are cycles; ``"implicit"`` and ``"waveform"`` repeat each step until
             both of its ends fit, of fourth order between our FMUs.  None: implicit if a port is bidirectional and all
@@ -236,7 +239,8 @@ class System:
         return start_run(self._checked_simulation(settings, endless=True))
 
     def _checked_simulation(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
-        return checked_simulation(self.name, self.filled(), self.connections, settings, endless=endless)
+        parts, connections, usual = self.filled(), self.connections, self.defaults
+        return checked_simulation(self.name, parts, connections, settings, endless=endless, usual=usual)
 
     @property
     def parts(self) -> Components:

@@ -85,9 +85,10 @@ def read_experiment(root: Element) -> DefaultExperiment:
         for algorithm in root.iter(tag(name))
         if (step := algorithm.get(attribute)) is not None
     ]
-    start = float(attributes.get("startTime", 0.0))
-    span = usable_experiment(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
-    return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
+    start = float(attributes.get("startTime", math.nan))
+    begin = start if math.isfinite(start) else None
+    span = usable_experiment(begin or 0.0, None if stop is None else float(stop), float(steps[0]) if steps else None)
+    return DefaultExperiment(begin, *span)
 
 
 def _add_annotation(parent: Element, kind: str) -> Element:

@@ -133,7 +133,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         for component, fmu in fmus.items()
     }
     system.join(_connections(structure, parts))
-    system.experiment = experiment
+    system.experiment = system.defaults = experiment
     return system
 
 

@@ -152,18 +152,18 @@ def _checked_study(
 ) -> Study:
     """Study of a sweep, with checked names, settings, and start values of the first case."""
     _check_names(cases, keep, starts)
-    single = not isinstance(subject, System)
+    single, usual = not isinstance(subject, System), None
     if not isinstance(subject, System):
         title, connections = Path(subject).stem, ()
         parts = {title: SystemComponent.read(title, subject, starts)}
     elif starts:
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
-        title, parts, connections = subject.name, subject.filled(), subject.connections
+        title, parts, connections, usual = subject.name, subject.filled(), subject.connections, subject.defaults
     signals = [signal_and_kind(measure)[0] for measure in keep.values() if isinstance(measure, str)]
     if settings.record is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
         settings = replace(settings, record=())
-    simulation = checked_simulation(title, parts, connections, settings, single=single, also=signals)
+    simulation = checked_simulation(title, parts, connections, settings, single=single, also=signals, usual=usual)
 
     def scalar(name: str) -> VariableReference:
         """Component and variable of a name; a SimulationError for an array."""

@@ -2,6 +2,7 @@
 #ifndef CALLS_H
 #define CALLS_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <string.h>
@@ -13,7 +14,7 @@
 #endif
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
-enum { COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED };
+enum { COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, WATCH, PYTHON, COUPLED };
 
 typedef void Function(void);
 
@@ -21,11 +22,12 @@ typedef struct {
     int kind;
     Function *function;
     void *instance;    /* of an FMU; what is coupled; factor and offset, to convert one double */
-    const void *source; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
-    size_t count;      /* of references; of doubles to copy */
+    const void *source; /* value references; where to copy from; columns to watch; for a step in FMI 3.0, whether there
+                           is no return */
+    size_t count;      /* of references; of doubles to copy, or to watch */
     void *values;      /* to get, to set, to copy to; the state; for a step in FMI 3.0, how it Ended */
     size_t size;       /* of values in FMI 3.0; of what is known in derivatives */
-    const void *more;  /* orders; what is known, and its direction */
+    const void *more;  /* orders; what is known, and its direction; what values to watch may be */
 } Call;
 
 typedef struct {
@@ -70,6 +72,15 @@ static inline int derive_2(const Call *call) {
                                        known->direction, call->values);
 }
 
+/* Discard if one of some values is greater than it may be. */
+static inline int watch(const Call *call) {
+    const ptrdiff_t *columns = call->source;
+    const double *values = call->values, *limits = call->more;
+    for (size_t i = 0; i < call->count; i++)
+        if (fabs(values[columns[i]]) > limits[i]) return DISCARD;
+    return OK;
+}
+
 static inline int returned(const Call *call, double time, double size) {
     switch (call->kind) {
     case COPY: memmove(call->values, call->source, call->count * sizeof(double)); return OK;
@@ -84,6 +95,7 @@ static inline int returned(const Call *call, double time, double size) {
     case ORDERS_2:
         return ((Orders2 *)call->function)(call->instance, call->source, call->count, call->more, call->values);
     case DERIVE_2: return derive_2(call);
+    case WATCH: return watch(call);
     case PYTHON: return ((Python *)call->function)();
     default: return ((Coupled *)call->function)(call->instance, time, size);
     }

@@ -19,7 +19,7 @@ outputs; couple: make a coupled step."""
 Failure = Callable[[Action, int, str], SimulationError]
 """Makes the error of a call from its action, the status that it returned, and words for the time."""
 
-COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED = range(12)
+COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, WATCH, PYTHON, COUPLED = range(13)
 """Kinds of calls, as ``calls.h`` numbers them."""
 
 RAISED = -1
@@ -87,7 +87,7 @@ class Call(partial[Any]):
         :param source: address, or object of ctypes, that is read; ``values``: that is written.
         """
         function: Any = self.func
-        address = None if kind in {COPY, CONVERT} else cast(function, c_void_p).value
+        address = None if kind in {COPY, CONVERT, WATCH} else cast(function, c_void_p).value
         source, values, more = (
             pointer if pointer is None or isinstance(pointer, int) else addressof(pointer)
             for pointer in (source, values, more)

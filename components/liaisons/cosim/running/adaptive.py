@@ -59,7 +59,7 @@ class Point(NamedTuple):
 class CommunicationSteps:
     """Communication steps of a run, one at a time, and across breaks.
 
-    :param calls: those of a communication step.
+    :param calls: those of a communication step; ``watch``: those that may refuse it after it.
     :param coupled: the coupling, if it remembers earlier steps.
     """
 
@@ -67,6 +67,7 @@ class CommunicationSteps:
     instances: Instances
     bus: Bus
     calls: Sequence[Call]
+    watch: Sequence[Call]
     coupled: Coupled | None
     breaks: Breaks
     deviations: Deviations
@@ -81,7 +82,7 @@ class CommunicationSteps:
         """Step from one instant to another [s]; returns the point that is reached."""
         self.bus.set_step(start, stop)
         self.deviations.integrate(start, stop, locate=False)
-        self.bus.perform(self.calls)
+        self.bus.perform((*self.calls, *self.watch))
         return Point(stop, self.bus.values.copy(), None)
 
     def step_across_break(self, start: float, stop: float) -> Vector:

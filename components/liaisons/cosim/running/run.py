@@ -57,6 +57,7 @@ from liaisons.cosim.running.linearization import Linearization, linearization
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.stepping import FreeInput, RunState, save_state, state_calls
 from liaisons.cosim.running.trial import try_to_start
+from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
@@ -134,10 +135,13 @@ class Run:
                 for variable in variables
             ]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
+            self._watchdog = Watchdog(simulation)
+            recorded += self._watchdog.variables
             recorded += [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = self._bus.columns(simulation.recorded.values())
             self._initial, self._at_instant, step = self._prepare_calls()
+            self._watchdog.prepare(self._bus)
             self._chooses_steps = simulation.error_tolerance is not None or simulation.adapts
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
@@ -154,6 +158,7 @@ class Run:
                 self._instances,
                 self._bus,
                 step,
+                self._watchdog.calls,
                 self._coupled,
                 self._breaks,
                 self._deviations,
@@ -169,7 +174,7 @@ class Run:
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
             memories = self._coupled, self._impacts and self._impacts.memory
             self._state_owners = [self._deviations.memory, *simulation.drives, *filter(None, memories)]
-            self._loop = Loop(step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
+            self._loop = Loop([*step, *self._watchdog.calls], self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
@@ -226,7 +231,8 @@ class Run:
             self._coupled.reset()
         parts = simulation.parts if parts is None else parts
         for name, instance in self._instances.items():
-            instance.initialize(parts[name].starts, simulation.tolerance, begin, end)
+            tolerance = simulation.tolerance or parts[name].fmu.experiment.tolerance
+            instance.initialize(parts[name].starts, tolerance, begin, end)
         bus.perform(self._initial)
         for instance in self._instances.values():
             instance.exit_initialization()
@@ -370,6 +376,8 @@ class Run:
             self._end = str(ended)
             logger.warning("%s", ended)
         except SimulationError as error:
+            if error is self._watchdog.refusal:
+                self._end = "a constraint was not kept; restore a state, or start another run"
             raise IncompleteError(str(error), self.result) from error
         except KeyboardInterrupt:
             self._end = "it was interrupted within a step; restore a state, or start another run"
@@ -713,6 +721,7 @@ class Run:
         result = self.recorded_result()
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
+        self._watchdog.warn(self._loop.rows[: self._loop.done], self._loop.times[: self._loop.done])
         if late := [one for one in self.lateness if one > _LATE]:
             words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
             logger.warning(words, result.title, len(late), len(self.lateness), max(late))

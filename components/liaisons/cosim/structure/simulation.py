@@ -198,17 +198,23 @@ def checked_simulation(
     single: bool = False,
     also: Iterable[str] = (),
     endless: bool = False,
+    usual: DefaultExperiment | None = None,
 ) -> Simulation:
     """Simulation of a system, with checked and complete settings.
 
     :param single: whether the simulation is of the first FMU alone, whose variables have no prefix and whose default
         experiment counts; the others are its operators.
     :param also: further names that are recorded.
-    :param endless: whether a simulation without a stop time has no end.
+    :param endless: whether a simulation without a stop time has no end, as that of a run step by step.
+    :param usual: experiment of the system, before those of its FMUs.
     :raises SimulationError: for a bad setting.
     """
     recorded = _recorded_variables(title, parts, settings.record, also, single=single)
-    points = _communication_points(title, parts, settings, len(recorded), single=single, endless=endless)
+    fmus = [part.fmu for part in parts.values()][: 1 if single else None]
+    last = fmus[0].experiment.stop_time if single else None
+    own = usual or DefaultExperiment(stop_time=last)
+    usual = _first_given(own, common_experiment(fmus))
+    points = _communication_points(title, fmus, settings, len(recorded), usual=usual, single=single, endless=endless)
     tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
@@ -235,7 +241,8 @@ def checked_simulation(
         checks.check_steps(parts, graph, some, chosen, adaptive=error_tolerance is not None)
         checks.check_input_sources(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
-    chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
+    asked = (settings.step_size, own.step_size, settings.times, error_tolerance)
+    chooses = all(one is None for one in asked) and not single and not endless
     return Simulation(
         title,
         parts,
@@ -265,8 +272,21 @@ def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
     return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
 
 
+def _first_given(own: DefaultExperiment, common: DefaultExperiment) -> DefaultExperiment:
+    """The experiment of a system, its start and step size from those of its FMUs where it has none."""
+    start = common.start_time if own.start_time is None else own.start_time
+    return DefaultExperiment(start, own.stop_time, common.step_size if own.step_size is None else own.step_size)
+
+
 def _communication_points(
-    title: str, parts: Components, settings: SimulationSettings, signals: int, *, single: bool, endless: bool
+    title: str,
+    fmus: Sequence[Fmu],
+    settings: SimulationSettings,
+    signals: int,
+    *,
+    usual: DefaultExperiment,
+    single: bool,
+    endless: bool,
 ) -> Sequence[float]:
     """Communication points [s], from the settings, else from the default experiments.
 
@@ -281,10 +301,8 @@ def _communication_points(
         return _checked_times(settings.times, settings)
     start, stop, step = settings.start_time, settings.stop_time, settings.step_size
     endless = endless and stop is None
-    fmus = [part.fmu for part in parts.values()][: 1 if single else None]
-    usual = common_experiment(fmus)
     start = (usual.start_time or 0.0) if start is None else start
-    stop = usual.stop_time if stop is None and single and not endless else stop
+    stop = usual.stop_time if stop is None and not endless else stop
     step = usual.step_size if step is None else step
     if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
         check_finite("stop_time", stop)
