@@ -73,6 +73,20 @@ def described(path: Path, target: Path, change: Callable[[bytes], bytes]) -> Pat
     return rewritten(path, target, lambda name, data: (name, change(data) if name == "modelDescription.xml" else data))
 
 
+def lying(path: Path, target: Path, name: str, instead: str) -> Path:
+    """The FMU, of which a variable reads another one; and this one the first."""
+
+    def change(content: bytes) -> bytes:
+        patterns = {n: rb'(name="%s"[^>]*?valueReference=")(\d+)' % re.escape(n).encode() for n in (name, instead)}
+        found = {n: re.search(pattern, content) for n, pattern in patterns.items()}
+        for n, other in ((name, instead), (instead, name)):
+            assert (match := found[other])
+            content = re.sub(patterns[n], rb"\g<1>" + match[2], content, count=1)
+        return content
+
+    return described(path, target, change)
+
+
 def rewritten(path: Path, target: Path, change: Callable[[str, bytes], tuple[str, bytes]]) -> Path:
     """The archive with other members."""
     contents = members(path)

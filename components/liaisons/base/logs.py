@@ -35,14 +35,18 @@ class Warnings:
 
 
 @contextmanager
-def collected_warnings() -> Iterator[Warnings]:
-    """Yield a collection of the warnings that this thread logs in the context; they are logged all the same."""
+def collected_warnings(*, instead_of: Warnings | None = None) -> Iterator[Warnings]:
+    """Yield a collection of the warnings that this thread logs in the context; they are logged all the same.
+
+    :param instead_of: a collection that does not get them.
+    """
     warnings = Warnings()
-    _collecting.set((*_collecting.get(), warnings))
+    paused = [other for other in _collecting.get() if other is instead_of]
+    _collecting.set((*(other for other in _collecting.get() if other is not instead_of), warnings))
     try:
         yield warnings
     finally:  # contexts of several runs may end in any order
-        _collecting.set(tuple(other for other in _collecting.get() if other is not warnings))
+        _collecting.set((*(other for other in _collecting.get() if other is not warnings), *paused))
 
 
 @contextmanager

@@ -19,7 +19,9 @@ outputs; couple: make a coupled step."""
 Failure = Callable[[Action, int, str], SimulationError]
 """Makes the error of a call from its action, the status that it returned, and words for the time."""
 
-COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, WATCH, PYTHON, COUPLED = range(13)
+COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, WATCH, PYTHON, COUPLED = (
+    range(13)
+)
 """Kinds of calls, as ``calls.h`` numbers them."""
 
 RAISED = -1

@@ -174,7 +174,9 @@ class Run:
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
             memories = self._coupled, self._impacts and self._impacts.memory
             self._state_owners = [self._deviations.memory, *simulation.drives, *filter(None, memories)]
-            self._loop = Loop([*step, *self._watchdog.calls], self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
+            self._loop = Loop(
+                [*step, *self._watchdog.calls], self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS
+            )
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
@@ -681,7 +683,7 @@ class Run:
     def result(self) -> Result:
         """The result so far, with all warnings."""
         self._require_state()
-        with collected_warnings() as last:
+        with collected_warnings(instead_of=self._warnings) as last:  # a later result has its own
             result = self.conclude()
         return add_warnings(result, (*self._warnings.texts, *last.texts))
 
