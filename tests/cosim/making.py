@@ -80,7 +80,8 @@ def lying(path: Path, target: Path, name: str, instead: str) -> Path:
         patterns = {n: rb'(name="%s"[^>]*?valueReference=")(\d+)' % re.escape(n).encode() for n in (name, instead)}
         found = {n: re.search(pattern, content) for n, pattern in patterns.items()}
         for n, other in ((name, instead), (instead, name)):
-            assert (match := found[other])
+            match = found[other]
+            assert match
             content = re.sub(patterns[n], rb"\g<1>" + match[2], content, count=1)
         return content
 

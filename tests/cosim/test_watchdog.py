@@ -16,7 +16,7 @@ from liaisons.errors import IncompleteError, SimulationError
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1}
 HEIGHT = 0.3  # of the bob on the rod of 1 m
-HANGING = {"x_0": math.sqrt(1 - (1 - HEIGHT) ** 2), "z_0": HEIGHT}
+HANGING: dict[str, Any] = {"x_0": math.sqrt(1 - (1 - HEIGHT) ** 2), "z_0": HEIGHT}
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def bob(component: FmuPaths, tmp_path: Path) -> Path:
 @pytest.mark.parametrize("settings", [{}, {"record": ["theta"]}, {"isolated": True}, {"error_tolerance": 1e-6}])
 def test_an_account_that_does_not_close_is_told(pendulum: Path, settings: dict[str, Any]) -> None:
     """Released at a right angle: T = m g l cos θ, which grows until the lowest point, at 0.59 s."""
-    result = simulate(pendulum, theta_0=math.pi / 2, **{**RUN, **settings}, **({"tolerance": 1e-8}))
+    result = simulate(pendulum, theta_0=math.pi / 2, **{**RUN, **settings}, tolerance=1e-8)
     (warning,) = result.warnings
     assert warning.startswith("Pendulum: the energy account does not close: energy_balance = 9.")
     assert "exceeded from t = 0.1 s on" in warning or "error_tolerance" in settings

@@ -185,9 +185,9 @@ class System:
 
         :param stop_time: stop [s]; None: the last of ``times``, else that of the archive, without which it is needed.
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
-            shorter if need be.  None: that of the archive, else the shortest in the FMUs' default experiments, else a
-            500th of the time; in implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
-            short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
+            shorter if need be.  None: that of the archive; without one the shortest in the FMUs' default experiments,
+            else a 500th of the time, and in implicit and waveform coupling of FMUs that can restore their states, steps
+            between the points are as short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
         :param start_time: start [s]; None: that of the archive, else of the FMUs' default experiments if it is the same
             in all, else 0.
         :param times: the communication points themselves [s], increasing; those that differ by rounding are one.

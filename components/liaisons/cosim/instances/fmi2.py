@@ -131,8 +131,8 @@ _release = fmi2CallbackFreeMemoryTYPE(fmpy.free)
 def _callbacks(environment: int) -> fmi2CallbackFunctions:
     """Callback functions of an instance, whose environment is its id."""
     callbacks = fmi2CallbackFunctions(_log, _allocate, _release, componentEnvironment=environment)
-    # The proxy formats the variadic message.  It remembers one logger, the last that was added: hence one logger for all
-    # instances, told apart by the environment.
+    # The proxy formats the variadic message.  It remembers one logger, the last that was added: hence one logger for
+    # all instances, told apart by the environment.
     _add_logger_proxy()(byref(callbacks))
     return callbacks
 

@@ -134,10 +134,9 @@ class Run:
                 for variables in (*contact_variables(part), friction_directions(part))
                 for variable in variables
             ]
-            recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             self._watchdog = Watchdog(simulation)
-            recorded += self._watchdog.variables
-            recorded += [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
+            sums = [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
+            recorded = [*simulation.recorded.values(), *self._sums, *contacts, *self._watchdog.variables, *sums]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = self._bus.columns(simulation.recorded.values())
             self._initial, self._at_instant, step = self._prepare_calls()
@@ -172,8 +171,8 @@ class Run:
                 or any(part.approximation.takes_end_values for part in parts.values())
             )
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
-            memories = self._coupled, self._impacts and self._impacts.memory
-            self._state_owners = [self._deviations.memory, *simulation.drives, *filter(None, memories)]
+            memories = self._deviations.memory, self._coupled, self._impacts and self._impacts.memory
+            self._state_owners = [*simulation.drives, *filter(None, memories)]
             self._loop = Loop(
                 [*step, *self._watchdog.calls], self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS
             )
@@ -182,10 +181,8 @@ class Run:
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
             self._closed = self._lost = False  # closed; without a state of the FMUs
             self.lateness: list[float] = []
-            self._restores: Sequence[Call] = []
-            if self.repeats:
-                saves, self._restores = zip(*state_calls(self._instances), strict=True)
-                self._bus.perform(saves)
+            saves, self._restores = zip(*state_calls(self._instances), strict=True) if self.repeats else ((), ())
+            self._bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
 
