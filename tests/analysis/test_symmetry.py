@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import analysis
+from liaisons import Coordinate, Mechanism, Parameter, analysis
+from liaisons.errors import ComponentError
 from liaisons.models import (
     ChargedParticle,
     FreeParticle,
@@ -90,3 +91,78 @@ def test_quantities_broadcast_and_take_rates_for_momenta() -> None:
     np.testing.assert_allclose(field[1], np.broadcast_to(-2 * 9.81 * np.sin(theta), (5, 3)), rtol=ROUNDING, atol=1e-14)
     by_rate = V.evaluate(theta=0.3, theta_dot=0.7, length=2.0)
     np.testing.assert_allclose(by_rate, V.evaluate(theta=0.3, p_theta=2.8, length=2.0), rtol=ROUNDING)
+
+
+class Far(Mechanism):
+    """A mass in a plane; in subclasses something begins 2 m away, of which nothing is seen near the start."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(100.0, "N/m", "stiffness")
+    damping = Parameter(1.0, "N.s/m", "damping")
+    place = Parameter(2.0, "m", "where it begins")
+    size = Parameter(1e-3, "m", "how far it reaches", above=0)
+    rate = Parameter(3.0, "m/s", "rate at which friction begins")
+    x = Coordinate("m", "place of the mass")
+    y = Coordinate("m", "height of the mass")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.dot(self.x) ** 2 + self.dot(self.y) ** 2)
+
+    def potential_energy(self) -> ca.SX:
+        return ca.SX(0)
+
+
+class Wall(Far):
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * ca.fmax(self.x - self.place, 0) ** 2
+
+
+class RoundWall(Far):
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * ca.fmax(ca.norm_2(ca.vertcat(self.x, self.y)) - self.place, 0) ** 2
+
+
+class Step(Far):
+    def potential_energy(self) -> ca.SX:
+        return ca.if_else(self.x > self.place, self.stiffness / 2 * (self.x - self.place) ** 2, 0)
+
+
+class Well(Far):
+    def potential_energy(self) -> ca.SX:
+        return -self.stiffness * self.size**2 * ca.exp(-(((self.x - self.place) / self.size) ** 2))
+
+
+class Stiffening(Far):
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * self.x**2 * (1 + (self.size * self.x / self.place**2) ** 2 * 1e-4)
+
+
+class LateFriction(Far):
+    def dissipation_function(self) -> ca.SX:
+        return self.damping / 2 * ca.fmax(ca.fabs(self.dot(self.x)) - self.rate, 0) ** 2
+
+
+@pytest.mark.parametrize("component", [Wall, Step, Well, Stiffening])
+def test_what_begins_far_from_the_start_breaks_a_law(component: type[Far]) -> None:
+    """V(x) is 0 up to a wall, 1e-300 beside a well of 1 mm, and of degree 2 up to 1e-11 of a length of its own."""
+    assert list(analysis.cyclic_coordinates(component)) == ["y"]
+    with pytest.raises(ComponentError, match="x: 1.0 is no symmetry: it changes L (at x = |where a condition)"):
+        analysis.noether(component, lambda _: {"x": 1.0})
+    with pytest.raises(ComponentError, match="not homogeneous in x, y: it has a length of its own"):
+        analysis.similarity(component)
+
+
+def test_friction_that_begins_at_a_rate_breaks_a_law() -> None:
+    assert list(analysis.cyclic_coordinates(LateFriction)) == ["y"]
+    with pytest.raises(ComponentError, match="moves against friction, drives or loads at x_dot = "):
+        analysis.noether(LateFriction, lambda _: {"x": 1})
+    with pytest.raises(ComponentError, match="similarity has no friction"):
+        analysis.similarity(LateFriction)
+
+
+def test_laws_that_hold_on_both_sides_of_a_wall() -> None:
+    """V = k/2 max(x, 0)² is of degree 2; what depends on r alone leaves turns as they are."""
+    assert analysis.similarity(Wall, place=0.0).degree == pytest.approx(2, abs=1e-12)
+    state = {"x": 1.0, "y": 3.0, "x_dot": 5.0, "y_dot": 2.0}
+    assert analysis.noether(RoundWall, rotation).evaluate(**state) == pytest.approx(-13.0, rel=ROUNDING)
+    assert not analysis.cyclic_coordinates(RoundWall)

@@ -410,5 +410,5 @@ def test_a_phase_that_the_best_motion_does_not_have_is_named() -> None:
 def test_what_cannot_be_reached_names_the_bound() -> None:
     """The table is too slow to throw the ball so high."""
     text = refused(bounds={"table_ddot": (-30, 5)}, intervals=6)
-    assert "the end was not reached, nearest height = 0.2" in text
+    assert "no motion was found from 1 starts, nearest height = 0.2" in text
     assert "active: table_ddot = 5, table_ddot = -30" in text

@@ -12,11 +12,12 @@ from operator import getitem
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from liaisons import Plan, System, plan
+from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter, Plan, System, plan
 from liaisons.errors import PlanError
 from liaisons.planning import transcription
 from liaisons.planning.phases import optimal_control_problem
@@ -506,6 +507,47 @@ def test_more_starts_give_nothing_worse() -> None:
 def test_what_nothing_that_moves_can_change_is_refused_by_name(mechanism: str, goal: dict[str, Any]) -> None:
     with pytest.raises(PlanError, match=r"cannot be reached: however p\w+ moves.*, it ends at 0"):
         plan(mechanism, minimize="motion" if mechanism == "PlanarCat" else "pivot_z_ddot**2", **goal)
+
+
+class Push(Mechanism):
+    """A pusher that reaches a mass after a gap, by a one-sided spring."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(50.0, "N/m", "stiffness")
+    gap = Parameter(3.0, "m", "gap")
+    x = Coordinate("m", "place of the mass")
+    s = ActiveCoordinate("m", "place of the pusher")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * ca.fmax(self.s - self.gap - self.x, 0) ** 2
+
+
+class Pull(Push):
+    """A magnet that is felt at a few centimetres."""
+
+    def potential_energy(self) -> ca.SX:
+        return -self.stiffness * self.gap**2 / 2000 * ca.exp(-(((self.s - self.gap - self.x) / self.gap * 50) ** 2))
+
+
+PUSHED: dict[str, Any] = {"start": {"x": 0, "x_dot": 0, "s": 0, "s_dot": 0}, "end": {"x": 1.0}, "duration": 5.0}
+
+
+@pytest.mark.parametrize("mechanism", [Push, Pull])
+def test_what_begins_behind_a_gap_is_not_called_impossible(mechanism: type[Push]) -> None:
+    """No motion near the start changes x, which is not said of all motions."""
+    with pytest.raises(PlanError, match="no motion was found from 1 starts, nearest x = .* instead of 1"):
+        plan(mechanism, "s", minimize="s_ddot**2", tries=1, accuracy=None, **PUSHED)
+
+
+@pytest.mark.slow
+def test_what_begins_behind_a_gap_is_planned() -> None:
+    """The pusher has to come 3 m before anything moves.  The kink leaves an error of the mesh, which is told."""
+    motion = plan(Push, "s", minimize="s_ddot**2", **PUSHED)
+    assert motion.replay()["x"][-1] == pytest.approx(1.0, abs=1e-3)
+    assert not motion.proved
 
 
 def test_loops_are_asked_for_by_a_number() -> None:

@@ -21,12 +21,12 @@ from liaisons.analysis.quantity import (
     Source,
     all_rates,
     equations_of,
-    largest_relative_value,
     orientation_cross_products,
     random_states,
     require_free_coordinates,
     require_independent_coordinates,
     require_no_constraints,
+    where_nonzero,
 )
 from liaisons.analysis.submersions import (
     PURPOSE,
@@ -268,8 +268,7 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
     require_independent_coordinates(equations, "a curvature that adds up")
     m, a, rho = equations.mechanism, ca.SX.sym("a"), ca.SX.sym("rho")
     connection = kinetic_connection(equations).expression
-    size = ca.norm_fro(connection) + ca.norm_fro(ca.jacobian(connection, m.free.q))
-    if largest_relative_value(equations, ca.norm_fro(ca.jacobian(connection, m.free.q)), size, values) != 0:
+    if where_nonzero(equations, ca.jacobian(connection, m.free.q), values):
         names = ", ".join(item.name for item in m.coordinates)
         raise ComponentError(f"{equations.name}: the connection depends on {names}: use holonomy()")
     sigma = _loop_coordinates(equations, loop, a, values)

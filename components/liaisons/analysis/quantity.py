@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
+from liaisons.expressions import nonzero_states
 from liaisons.language.chain import Chain
 from liaisons.language.checks import checked_scalar
 from liaisons.language.component import Component
@@ -29,8 +30,11 @@ Formula = Callable[[Any], Any]
 Values = Mapping[str, ArrayLike]
 """Numbers or arrays by the names of symbols."""
 
-_STATES = 16  # an analytic identity that holds at this many random states holds everywhere
+STATES, _WIDE_STATES = 16, 24
+_SIZES = -3, 4  # powers of ten
 _ROUNDING = 1e-11  # relative: some thousand operations in doubles
+_NOISE, _PROJECTED_NOISE = 1e-12, 1e-8  # relative, above the errors of doubles, and of states on constraints
+_MOST_SHOWN = 3  # coordinates of a state in a message
 _ROUNDS = 10  # projections, each of some Newton steps, from a random state onto the constraints
 
 
@@ -59,6 +63,13 @@ class Quantity:
                 f"{self.equations.name}: friction, drives and loads do not enter these equations, and are not 0 here; "
                 "set them to 0, or take phase_velocity()"
             )
+        result = self.numbers(values)
+        if not np.all(np.isfinite(result)):
+            raise ComponentError(f"{self.equations.name}: not finite at these values; give others for its coordinates")
+        return result
+
+    def numbers(self, values: Values) -> NDArray:
+        """Values of the quantity as :meth:`evaluate` has them, finite or not."""
         equations, free = self.equations, self.equations.mechanism.free
         numbers = symbol_values(equations, values)
         missing = [i for i, p in enumerate(ca.vertsplit(free.p)) if str(p) not in values]
@@ -70,8 +81,6 @@ class Quantity:
         function = ca.Function("evaluate", [ca.vertcat(*equations.symbols.values())], [ca.densify(expression)])
         table = np.array([np.broadcast_to(number, shape).ravel() for number in numbers.values()])
         result = np.asarray(function(table)).reshape(rows, -1, columns).swapaxes(1, 2)
-        if not np.all(np.isfinite(result)):
-            raise ComponentError(f"{equations.name}: not finite at these values; give others for its coordinates")
         axes = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
         return result.reshape((*axes, *shape))
 
@@ -184,7 +193,7 @@ def _applied_forces(equations: Equations) -> ca.SX:
 
 def require_conservative(equations: Equations, purpose: str, values: Values) -> None:
     """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
-    if largest_relative_value(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
+    if where_nonzero(equations, _applied_forces(equations), values):
         raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
 
 
@@ -221,35 +230,46 @@ def orientation_cross_products(equations: Equations, u: ca.SX, v: ca.SX) -> ca.S
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
-def random_states(equations: Equations, values: Values) -> dict[str, ArrayLike]:
-    """Random states about the start, the same ones at each call; ``values`` are taken as they are."""
+def random_states(equations: Equations, values: Values, *, wide: bool = False) -> dict[str, ArrayLike]:
+    """Random states about the start, the same ones at each call; ``values`` are taken as they are.
+
+    :param wide: after those near the start, states of all sizes, from 1e-3 to 1e4 times that of the start, or of 1.
+    """
     m, rng = equations.mechanism, np.random.default_rng(0)
-    centres = m.start_values()
+    centres, count = m.start_values(), STATES + _WIDE_STATES * wide
     states: dict[str, ArrayLike] = {}
+    sizes = np.ones(count)
+
+    def spread(centre: float, size: float) -> NDArray:
+        """Numbers about a centre."""
+        if wide:
+            sizes[STATES:] = 10 ** rng.uniform(*_SIZES, _WIDE_STATES)
+        return centre + size * sizes * rng.uniform(-1, 1, count)
+
     for item in (*m.coordinates, *m.actives):
-        spread = (abs(item.start) or 1.0) / 2
-        states[item.name] = centres[item.name] + spread * rng.uniform(-1, 1, _STATES)
+        near = spread(centres[item.name], (abs(item.start) or 1.0) / 2)
+        allows = item.variable("parameter", "fixed").allows
+        inside = [k if k < STATES or allows(x) else k % STATES for k, x in enumerate(near)]
+        states[item.name] = near[inside]
     for orientation in m.orientations:
-        attitudes = rng.normal(size=(4, _STATES))
+        attitudes = rng.normal(size=(4, count))
         states |= dict(zip(orientation.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
     for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot, m.internal)):
-        states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
+        states[str(rate)] = spread(centres[str(rate)], 1.0)
     return states | dict(values)
 
 
 @cache
 def _random_constrained_states(equations: Equations, values: tuple[tuple[str, float], ...]) -> dict[str, ArrayLike]:
     """Random states projected onto the constraints; those that do not converge are left out."""
-    states = random_states(equations, dict(values))
+    states = random_states(equations, dict(values), wide=True)
     constraints, free = equations.constraints, equations.mechanism.free
-    if equations.projection is None or not constraints.matrix.shape[0]:
-        return states
     residuals = ca.norm_1(ca.vertcat(constraints.residuals, constraints.rate_residuals))
     steps = ((ca.vertcat(free.q, free.p), equations.projection), (free.q_dot, equations.velocities))
     for column, moved in steps * _ROUNDS:
-        rows = Quantity(equations, moved).evaluate(**states)
+        rows = Quantity(equations, moved).numbers(states)
         states = states | dict(zip(map(str, ca.vertsplit(column)), rows, strict=True))
-    on = Quantity(equations, residuals).evaluate(**states) <= _ROUNDING
+    on = Quantity(equations, residuals).numbers(states) <= _ROUNDING
     if not np.any(on):
         raise ComponentError(
             f"{equations.name}: no states on its constraints near the start; give values for coordinates"
@@ -258,11 +278,52 @@ def _random_constrained_states(equations: Equations, values: tuple[tuple[str, fl
     return selected | dict(values)
 
 
-def largest_relative_value(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:
-    """Largest absolute value of an expression at random states, relative to ``scale``; 0.0 if it is rounding only."""
+def where_nonzero(
+    equations: Equations,
+    expression: ca.SX,
+    values: Mapping[str, Any],
+    *,
+    noise: float = _NOISE,
+    constrained: bool = True,
+) -> str | None:
+    """Text on a state at which an expression is not 0; None if it vanishes identically.
+
+    :param values: symbols that are held; ``noise``: relative error of numbers in the expression.
+    :param constrained: whether it is enough that it vanishes where the constraints hold.
+    """
     if arrays := [name for name, value in values.items() if np.ndim(value)]:
         raise ComponentError(f"{equations.name}: {arrays[0]} must be one number here, not an array")
-    states = _random_constrained_states(equations, tuple(values.items()))
-    pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
-    size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
-    return 0.0 if size <= _ROUNDING * reference else float(size / reference)
+    if not expression.nnz():
+        return None
+    states = _table(equations, random_states(equations, values, wide=True))
+    found, text = _is_nonzero(equations, expression, states, noise)
+    if not found:
+        return None
+    if constrained and equations.projection is not None and equations.constraints.matrix.shape[0]:
+        states = _table(equations, _random_constrained_states(equations, tuple(values.items())))
+        found, text = _is_nonzero(equations, expression, states, max(noise, _PROJECTED_NOISE))
+    return text if found else None
+
+
+def _table(equations: Equations, states: Mapping[str, ArrayLike]) -> NDArray:
+    """States as a table, a row for each symbol; momenta are random where they are symbols of their own."""
+    m, numbers = equations.mechanism, symbol_values(equations, states)
+    shape = np.broadcast_shapes(*map(np.shape, numbers.values()))
+    momenta = np.random.default_rng(1).normal(size=(m.free.p.shape[0], *shape))
+    numbers |= {str(p): row for p, row in zip(ca.vertsplit(m.free.p), momenta, strict=True) if str(p) not in states}
+    return np.array([np.broadcast_to(number, shape) for number in numbers.values()]).reshape(len(numbers), -1)
+
+
+def _is_nonzero(equations: Equations, expression: ca.SX, states: NDArray, noise: float) -> tuple[bool, str]:
+    """Whether an expression is not 0 somewhere, and a text on where."""
+    symbols = ca.vertcat(*equations.symbols.values())
+    found = nonzero_states(expression, symbols, states, noise)
+    if not np.any(found >= 0):
+        return False, ""
+    state, used = int(np.min(found[found >= 0])), ca.symvar(expression)
+    if state == states.shape[1]:
+        return True, "where a condition in it (fmax, if_else, ...) comes out otherwise"
+    names = {str(symbol) for symbol in used}
+    moving = zip(equations.symbols, states, strict=True)
+    shown = [f"{name} = {row[state]:.3g}" for name, row in moving if name in names and np.ptp(row) > 0][:_MOST_SHOWN]
+    return True, f"at {', '.join(shown)}" if shown else "at all states"

@@ -13,28 +13,29 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.analysis.numeric import checked_times
 from liaisons.analysis.phase_space import poisson_bracket
 from liaisons.analysis.quantity import (
+    STATES,
     Quantity,
     Source,
     Values,
     all_rates,
     equations_of,
     generator_matrix,
-    largest_relative_value,
     random_states,
     require_conservative,
     require_independent_coordinates,
     require_no_constraints,
     require_no_contacts,
+    where_nonzero,
 )
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, stack
+from liaisons.expressions.algebra import at_zero, gradient, stack
 from liaisons.language.checks import checked_scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations
 
-_ROUNDING = 1e-10
-"""Part of the size of brackets that is no combination of the momenta by rounding."""
+_FITTED = 1e-8
+"""Relative error of coefficients that were fitted to numbers."""
 
 
 def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
@@ -49,11 +50,10 @@ def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
     """
     equations = equations_of(source)
     m, L = equations.mechanism, equations.lagrangian
-    scale = ca.fabs(equations.kinetic_energy) + ca.fabs(equations.potential_energy)
     return {
         item.name: Quantity(equations, equations.momenta[k])
         for k, item in enumerate(m.coordinates)
-        if largest_relative_value(equations, gradient(L, m.free.q[k]), scale, values) == 0
+        if not where_nonzero(equations, gradient(L, m.free.q[k]), values)
         and not _working_forces_text(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
     }
 
@@ -73,6 +73,12 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
         name of the constraint or contact; for an unknown coordinate.
     """
     equations = equations_of(source)
+    momenta = equations.mechanism.free.frame @ equations.momenta
+    return Quantity(equations, ca.dot(_symmetry(equations, field, values), momenta))
+
+
+def _symmetry(equations: Equations, field: Callable[[Any], Mapping[str, Any]], values: Values) -> ca.SX:
+    """Components ξ of a field along the momenta; a ComponentError unless it is a symmetry, see :func:`noether`."""
     m, owner = equations.mechanism, equations.name
     components = dict(field(m))
     sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {item.name: 3 for item in m.orientations}
@@ -87,22 +93,16 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     xi = stack(
         checked_scalar(type(m), f"noether[{name!r}]", part, symbols) for name, parts in shifts.items() for part in parts
     )
-    p, G, slope = (
-        m.free.frame @ equations.momenta,
-        generator_matrix(equations),
-        gradient(equations.lagrangian, m.free.q),
-    )
-    change_of_rates = m.dot(xi) * p
-    terms = ca.dot(ca.fabs(xi), ca.fabs(G).T @ ca.fabs(slope)) + ca.sum1(ca.fabs(change_of_rates))
-    change = largest_relative_value(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
-    if change:
+    slope = generator_matrix(equations).T @ gradient(equations.lagrangian, m.free.q)
+    change = ca.dot(xi, slope) + ca.sum1(m.dot(xi) * (m.free.frame @ equations.momenta))
+    if where := where_nonzero(equations, change, values):
         raise ComponentError(
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
-            f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
+            f"{where}; choose a field that leaves T and V as they are"
         )
     if forces := _working_forces_text(equations, xi, values):
         raise ComponentError(f"{owner}: the field {forces} what it would conserve; choose one along which none works")
-    return Quantity(equations, ca.dot(xi, p))
+    return xi
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,21 +132,25 @@ def momentum_map(
     """
     equations = equations_of(source)
     require_no_constraints(equations, "a momentum map")
-    components = {name: noether(equations, field, **values) for name, field in group.items()}
-    names, states = list(components), random_states(equations, values)
-    samples = np.array([component.evaluate(**states) for component in components.values()])
+    fields = {name: _symmetry(equations, field, values) for name, field in group.items()}
+    p, names = equations.mechanism.free.p, list(fields)
+    maps = [Quantity(equations, ca.dot(xi, p)) for xi in fields.values()]
+    samples = np.array([component.evaluate(**random_states(equations, values)) for component in maps])
     structure = np.zeros((len(names),) * 3)
-    for a, first in enumerate(components.values()):
-        for b, second in enumerate([*components.values()][:a]):
-            bracket = poisson_bracket(first, second).evaluate(**states)
-            structure[a, b] = np.linalg.lstsq(samples.T, bracket, rcond=None)[0]
+    for a, first in enumerate(maps):
+        for b, second in enumerate(maps[:a]):
+            bracket = poisson_bracket(first, second)
+            numbers = bracket.evaluate(**random_states(equations, values))
+            structure[a, b] = np.linalg.lstsq(samples.T, numbers, rcond=None)[0]
             structure[b, a] = -structure[a, b]
-            left = np.max(np.abs(bracket - structure[a, b] @ samples))
-            if left > _ROUNDING * (1 + np.max(np.abs(bracket))):
+            rest = bracket.expression - sum(c * J.expression for c, J in zip(structure[a, b], maps, strict=True))
+            if where := where_nonzero(equations, rest, values, noise=_FITTED):
                 raise ComponentError(
                     f"{equations.name}: the bracket of {names[b]} and {names[a]} is no combination of "
-                    f"{', '.join(names)}; give the generators that are missing"
+                    f"{', '.join(names)} {where}; give the generators that are missing"
                 )
+    momenta = equations.mechanism.free.frame @ equations.momenta
+    components = {name: Quantity(equations, ca.dot(xi, momenta)) for name, xi in fields.items()}
     return MomentumMap(components, structure)
 
 
@@ -155,20 +159,24 @@ def _working_forces_text(equations: Equations, xi: ca.SX, values: Values) -> str
     m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
     names = [*_liaison_names(m), *(item.name for item in m.dry_frictions)]
-    direction, size = m.free.frame.T @ xi, ca.norm_2(xi)
+    direction = m.free.frame.T @ xi
     moved = [
         name
         for name, row in zip(names, ca.vertsplit(rows), strict=True)
-        if largest_relative_value(equations, row @ direction, ca.norm_2(row) * size, values)
+        if where_nonzero(equations, row @ direction, values)
     ]
     if moved:
         return f"moves {', '.join(moved)}, whose forces change"
-    p_dot, slope = equations.momentum_rates, generator_matrix(equations).T @ gradient(equations.lagrangian, m.free.q)
-    if largest_relative_value(
-        equations, ca.dot(xi, p_dot - slope), (ca.norm_2(p_dot) + ca.norm_2(slope)) * size, values
-    ):
-        return "moves against friction, drives or loads, which change"
+    if where := where_nonzero(equations, ca.dot(direction, _given_forces(equations)), values):
+        return f"moves against friction, drives or loads {where}, which change"
     return ""
+
+
+def _given_forces(equations: Equations) -> ca.SX:
+    """Friction, drives and loads on the free coordinates: applied forces without those of constraints and contacts."""
+    m = equations.mechanism
+    forces = equations.applied_forces[: m.free.q_dot.shape[0], 0]
+    return at_zero(forces, ca.vertcat(m.multipliers, m.active.force, m.contact_forces))
 
 
 def _liaison_names(m: Mechanism) -> list[str]:
@@ -255,14 +263,18 @@ def similarity(source: Source, **values: float) -> Similarity:
 def _homogeneity_degree(equations: Equations, expression: ca.SX, lengths: ca.SX, values: Values) -> float | None:
     """Degree of homogeneity of an expression in the lengths; NaN if it is zero, None if it is not homogeneous.
 
-    By Euler's Σ r·∂f/∂r = k f at random states.
+    By Euler's Σ r·∂f/∂r = k f: k from numbers, near the start if f is not 0 there, then as an identity.
     """
-    pair = ca.vertcat(ca.jtimes(expression, lengths, lengths), expression)
-    changes, numbers = Quantity(equations, pair).evaluate(**random_states(equations, values))
-    square = float(numbers @ numbers)
-    degree = float(changes @ numbers) / square if square else np.nan
-    rest = np.max(np.abs(changes - degree * numbers)) if square else 0.0
-    return degree if rest <= 1e-10 * np.max(np.abs(numbers)) else None
+    if not where_nonzero(equations, expression, values, constrained=False):
+        return np.nan
+    change = ca.jtimes(expression, lengths, lengths)
+    changes, numbers = Quantity(equations, ca.vertcat(change, expression)).numbers(
+        random_states(equations, values, wide=True)
+    )
+    state = next((k for k in np.argsort(-np.abs(numbers[:STATES])) if numbers[k]), np.argmax(np.abs(numbers)))
+    degree = float(changes[state] / numbers[state]) if numbers[state] else 0.0
+    rest = change - degree * expression
+    return None if where_nonzero(equations, rest, values, noise=_FITTED, constrained=False) else degree
 
 
 @dataclass(frozen=True)
@@ -319,12 +331,12 @@ def _require_homogeneous_energy(equations: Equations, names: list[str], values: 
     m, T = equations.mechanism, equations.kinetic_energy
     lengths_and_rates = stack(m.symbols[suffixed_name(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, lengths_and_rates, lengths_and_rates) - 2 * T if names else T
-    if largest_relative_value(equations, excess, T, values) != 0:
+    if where := where_nonzero(equations, excess, values):
         lengths = ", ".join(names) or "(none)"
         raise ComponentError(
-            f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
+            f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths} {where}; "
             "set the parameters that are lengths to 0, or use coordinates in metres"
         )
     magnetic = equations.lagrangian - T + equations.potential_energy
-    if largest_relative_value(equations, magnetic, T, values) != 0:
+    if where_nonzero(equations, magnetic, values):
         raise ComponentError(f"{equations.name}: L is not T - V; forces that depend on velocities have no degree")

@@ -21,8 +21,18 @@ array.
 
 from __future__ import annotations
 
-from liaisons.expressions.operations import OPERATIONS, Instruction
+from liaisons.expressions.identities import nonzero_states
+from liaisons.expressions.operations import OPERATIONS, Instruction, is_smooth_function
 from liaisons.expressions.printing import c_parts, literal
 from liaisons.expressions.programs import Program, program
 
-__all__ = ["OPERATIONS", "Instruction", "Program", "c_parts", "literal", "program"]
+__all__ = [
+    "OPERATIONS",
+    "Instruction",
+    "Program",
+    "c_parts",
+    "is_smooth_function",
+    "literal",
+    "nonzero_states",
+    "program",
+]

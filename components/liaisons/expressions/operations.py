@@ -53,10 +53,16 @@ def operation_codes(function: ca.Function) -> set[int]:
 NAMES = {code: name[3:].lower().removesuffix("_zero") for name, code in vars(ca).items() if name.startswith("OP_")}
 """CasADi's names of its operations, by code."""
 
-_NOT_SMOOTH = {
+NOT_SMOOTH = {
     *(ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO, ca.OP_FABS),
     *(ca.OP_SIGN, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER),
 }
+"""Codes of operations with a kink or a jump."""
+
+
+def is_smooth_function(function: ca.Function) -> bool:
+    """Return whether no operation of a scalar function has a kink or a jump."""
+    return not operation_codes(function) & NOT_SMOOTH
 
 
 def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
@@ -67,7 +73,7 @@ def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
 
     def depends(code: int, operands: list[bool]) -> bool:
         if any(operands):
-            kinks.update({code} & _NOT_SMOOTH)
+            kinks.update({code} & NOT_SMOOTH)
         return any(operands)
 
     interpret(function, entry=lambda i, _: i == 0, constant=lambda _: False, operation=depends)

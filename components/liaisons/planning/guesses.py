@@ -4,28 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import count, pairwise, product
 from typing import Any
 
 import numpy as np
 
-from liaisons.errors import PlanError
 from liaisons.language import Orientation
 from liaisons.planning.goals import Array, by_name, motion_names
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, anchor_weights
 
-_INTERVALS = 30
-"""Intervals on which the integration of a loop, by six Runge-Kutta steps in each, leaves 1e-9."""
-_INVARIANT_SPREAD = 1e-9
-"""Spread of an end over several motions, in units of its size, below which it is invariant: the integration's error."""
-_INVARIANT_MISS = 1e-3
-"""Miss of an invariant end, in units of its size, above which it is refused."""
 _EXTENSION = 1.3
 """Duration of a way that ends in motion, relative to that of the motion: it is cut off before it comes to rest."""
 _LOOPS_TRIED = 4
 """Number of loops of which the one that misses the end least becomes a start."""
+_DIRECTIONS, _REACHES, _PARTS = (4, 5, 6), (1.0, 3.0, 10.0, 30.0), (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Directions of far motions, distances in units of sizes, and parts of these."""
 _PRIMES = (2, 3, 5, 7, 11, 13)
 _AMPLITUDES = (0.02, 0.5, 0.1, 1.5)
 """Amplitudes of the waves on successive ways."""
@@ -57,28 +51,29 @@ def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
         yield trajectory.interpolated(arcs, (trajectory.durations * shares / shares.sum()).clip(*ranges.T))
 
 
-def refuse_invariants(problem: Problem) -> None:
-    """Raise an error for a row at the end that has one value, outside of its range, at the end of three motions.
+def arbitrary_motion(problem: Problem, intervals: int, k: int, reach: float) -> CollocatedTrajectory:
+    """The k-th motion of σ with integrated states: a loop, or a way that goes so far in some direction."""
+    if problem.is_loop:
+        return _halton_ellipse(problem, intervals, k)
+    return _integrated_transfer(problem, intervals, k, reach)
 
-    :param problem: in relative units.
-    :raises PlanError: with its name.
+
+def far_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+    """Starts where all others fail: of motions near and far, those that miss the end least.
+
+    What σ does may begin behind a gap.
     """
-    end, initial_labels = problem.end, set(problem.start.labels)
-    started = {state for state in problem.states if state in initial_labels or state in problem.moves}
-    if not end.labels or len(started) < len(problem.states):
-        return
-    motion = _halton_ellipse if problem.is_loop else partial(_integrated_transfer, is_arbitrary=True)
-    ends = (end.function(motion(problem, _INTERVALS, k).knots[:, -1]) for k in range(1, 4))
-    values = np.hstack([*map(np.array, ends)])
-    off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
-    for i in np.flatnonzero((np.ptp(values, axis=1) < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
-        size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
-        required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
-        how = " and comes back" if problem.is_loop else ""
-        raise PlanError(
-            f"{problem.name}: end: {end.labels[i]} = {required:.6g} cannot be reached: "
-            f"however {', '.join(problem.moves)} moves{how}, it ends at {stays * size:.6g}"
-        )
+
+    def miss(trajectory: CollocatedTrajectory) -> float:
+        """Norm of the violation of the end; infinite where the motion is not finite."""
+        missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
+        return float(np.nan_to_num(np.linalg.norm(missed), nan=np.inf))
+
+    keys = [(k, sign * reach) for k in _DIRECTIONS for reach in _REACHES for sign in (1, -1)]
+    motions = {key: arbitrary_motion(problem, intervals, *key) for key in keys}
+    for k, reach in sorted(keys, key=lambda key: miss(motions[key]))[:2]:
+        motions |= {(k, reach * part): arbitrary_motion(problem, intervals, k, reach * part) for part in _PARTS}
+    yield from sorted(motions.values(), key=miss)[:2]
 
 
 def _halton(k: int, dimension: int) -> float:
@@ -229,9 +224,12 @@ def _ellipse(
 
 
 def _integrated_transfer(
-    problem: Problem, intervals: int, k: int, *, is_arbitrary: bool = False
+    problem: Problem, intervals: int, k: int, reach: float | None = None
 ) -> CollocatedTrajectory:
-    """A motion of σ from start to end with the k-th waves, or to an arbitrary end in motion, and integrated states."""
+    """A motion of σ from start to end with the k-th waves, and integrated states.
+
+    :param reach: distance to which it goes in the k-th direction, where it ends in motion; to the end unless given.
+    """
     trajectory, rng = _trajectory_at_rest(problem, intervals, k), np.random.default_rng(k)
     start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
@@ -241,8 +239,8 @@ def _integrated_transfer(
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max())
     waves = size * rng.normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
     T = trajectory.durations[0]
-    if is_arbitrary:
-        change, T = 10.0 ** (k % 3) * rng.normal(size=change.size), _EXTENSION * T
+    if reach is not None:
+        change, T = reach * rng.normal(size=change.size), _EXTENSION * T
     w = 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:

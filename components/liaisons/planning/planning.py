@@ -32,7 +32,8 @@ from liaisons.planning.goals import (
     duration_range,
     move_names,
 )
-from liaisons.planning.guesses import guesses, refuse_invariants
+from liaisons.planning.guesses import far_guesses, guesses
+from liaisons.planning.invariants import refuse_invariants
 from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem
@@ -133,12 +134,15 @@ def plan(
         if loops > 1:
             goal = _goal_of_one_loop(goal, problem, loops)
             problem = optimal_control_problem(goal)
+        coarse, further = intervals if phases else min(COARSE_INTERVALS, intervals), ()
         if not phases:
             refuse_invariants(problem.relative_problem)
-        starts = guesses(problem.relative_problem, intervals if phases else min(COARSE_INTERVALS, intervals))
+            further = far_guesses(problem.relative_problem, coarse)
+        starts = guesses(problem.relative_problem, coarse)
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
-        solution = search(problem.relative_problem, starts, clock, SearchSettings(intervals, accuracy, tries))
+        settings = SearchSettings(intervals, accuracy, tries)
+        solution = search(problem.relative_problem, starts, clock, settings, further)
     _refuse_vanishing_phases(solution)
     if minimize == "motion":
         refuse_singularity(solution)

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import groupby, islice, pairwise
+from itertools import chain, groupby, islice, pairwise
 
 import casadi as ca
 import numpy as np
 
 from liaisons.errors import PlanError
+from liaisons.expressions import is_smooth_function
 from liaisons.planning.goals import Array
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
@@ -73,6 +74,8 @@ _BLURRED_MISS = 3e-2
 """Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
 _INTEGRATION_DIFFERENCE = 1e-5
 """Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
+_KINK_INTEGRATION_DIFFERENCE = 1e-4
+"""The same where rates have kinks: in the interval of a kink mesh and integration both are of low order."""
 _ROUGH_INTEGRATION_DIFFERENCE = 0.1
 """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
 _CORRECTIONS = 6
@@ -94,14 +97,18 @@ class SearchSettings:
 
 
 def search(
-    problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: SearchSettings
+    problem: Problem,
+    starts: Iterable[CollocatedTrajectory],
+    clock: Clock,
+    settings: SearchSettings,
+    further: Iterable[CollocatedTrajectory] = (),
 ) -> Solution:
     """The best solution of a problem, from as many starts as agree or as the time allows.
 
     Every candidate that may be the best is refined, so that more starts give nothing worse.
 
     :param problem: in relative units.
-    :param starts: on coarse meshes.
+    :param starts: on coarse meshes; ``further`` ones where none of them leads to the end, unless ``tries`` is given.
     :raises PlanError: if no start leads to the end.
     :raises KeyboardInterrupt: at an interrupt before the first solution.
     """
@@ -112,7 +119,8 @@ def search(
     count, stopped = 0, False
     low, high = problem.duration
     enough = _AGREEING_STARTS + (2 if problem.is_loop else int(low < high))
-    for trajectory in islice(starts, settings.tries or _MOST_STARTS):
+    left = (start for start in further if settings.tries is None and not rough and best is None)
+    for trajectory in chain(islice(starts, settings.tries or _MOST_STARTS), left):
         candidate = _solve_start(problem, trajectory, settings.intervals, clock)
         if candidate.succeeded:
             rough += [] if any(_is_same_optimum(candidate, one) for one in rough) else [candidate]
@@ -423,7 +431,7 @@ def refuse_singularity(solution: Solution) -> None:
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
     worst = int(np.argmin(sizes[:, 0]))
-    if sizes[worst, 0] > _SINGULAR_MASS * sizes.max():
+    if sizes[worst, 0] > _SINGULAR_MASS * sizes.max() or sizes.max() <= 0:  # massless, in every shape
         return
     name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
     raise PlanError(
@@ -440,8 +448,8 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     if not failures:
         names = ", ".join(end.labels) or "what has to close"
         return (
-            f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
-            f"and what meshes say of {names} the equations do not follow"
+            f"{problem.name}: no motion was found: what meshes say of {names} the equations do not follow; give bounds "
+            "of what moves, or another duration"
         )
     nearest = min(failures, key=end_miss)
     reached = problem.end_values(nearest.trajectory.knots[:, -1])
@@ -457,7 +465,7 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     if np.isclose(T, problem.duration[1]):
         active.append(f"duration = {T * problem.scales.time:g}")
     bounds = f"; active: {', '.join(active)}" if active else ""
-    return f"{problem.name}: the end was not reached, nearest {', '.join(wrong)}{bounds}"
+    return f"{problem.name}: no motion was found from {len(failures)} starts, nearest {', '.join(wrong)}{bounds}"
 
 
 def _active_texts(solution: Solution) -> Iterator[str]:
@@ -486,6 +494,8 @@ def _satisfies_equations(solution: Solution, tolerance: float = _INTEGRATION_DIF
     before, after = trajectory.knots[:, :-1], trajectory.knots[:, 1:]
     integrate = _interval_integrator(solution.problem).map(before.shape[1])
     integrated = np.array(integrate(before, trajectory.controls, np.diff(trajectory.breaks)[None]))
+    if not is_smooth_function(solution.problem.rates):
+        tolerance = max(tolerance, _KINK_INTEGRATION_DIFFERENCE)
     return bool(np.max(np.abs(integrated - after) / np.maximum(1.0, np.abs(after))) < tolerance)
 
 

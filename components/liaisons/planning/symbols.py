@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from liaisons.base.arguments import check_finite, shown
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
+from liaisons.expressions import nonzero_states
 from liaisons.expressions.algebra import stack
 from liaisons.language import Chain, Mechanism
 from liaisons.library import component, model
@@ -35,6 +36,8 @@ from liaisons.planning.goals import (
 
 ROUNDING = 1e-10
 """Values below this, in units of their sizes, count as 0."""
+_WIDE_STATES, _SCALES = 24, (-2, 4)
+"""Number of states far and near, and powers of ten of their distances in units of sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,16 +160,18 @@ class GoalSymbols:
 
         :param spread: radius of the neighbourhood, in units of sizes; 0: at the start.
         """
-        rng, still, starts = np.random.default_rng(seed), np.zeros(len(self.goal.moves)), self.start_parameters
-        state = np.array([self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names])  # no momenta
-        centres = [state, self.initial_sigma, still, still]
-        sizes = [self.state_sizes, self.initial_sigma_sizes, *self.motion_sizes[1:]]
-        points = [
-            x + spread * rng.uniform(-1, 1, x.shape) * factor * size
-            for x, factor, size in zip(centres, (1, 0.5, 3, 3), sizes, strict=True)
-        ]
-        function = ca.Function("evaluate", self.arguments, [expression])
-        return np.atleast_2d(np.array(function(*points)))
+        rng, (centres, sizes) = np.random.default_rng(seed), self._centres_and_sizes
+        point = centres + spread * rng.uniform(-1, 1, centres.shape) * sizes
+        function = ca.Function("evaluate", [ca.vertcat(*self.arguments)], [expression])
+        return np.atleast_2d(np.array(function(point)))
+
+    @property
+    def _centres_and_sizes(self) -> tuple[Array, Array]:
+        """Start values of state, σ, σ̇ and σ̈, with the distances of nearby states from them."""
+        still, starts = np.zeros(len(self.goal.moves)), self.start_parameters
+        state = [self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names]  # no momenta
+        sizes = (self.state_sizes, 0.5 * self.initial_sigma_sizes, *(3 * size for size in self.motion_sizes[1:]))
+        return np.concatenate([state, self.initial_sigma, still, still]), np.concatenate(sizes)
 
     def scaled_jacobian(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
         """Derivatives of an expression by symbols in units of their sizes."""
@@ -175,17 +180,27 @@ class GoalSymbols:
         return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[name] for name in chosen]))
 
     def dependencies(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
-        """Whether rows of an expression depend on symbols, (rows, symbols), by numbers at nearby states.
+        """Whether rows of an expression depend on symbols, (rows, symbols), anywhere.
 
-        Terms may cancel, so that the structure of the expression is not enough.
+        Terms may cancel, so that the structure of the expression is not enough; what seems not to depend nearby is
+        looked at in states of all sizes, and on every branch of its conditions.
 
         :param expression: in units of its size.
         """
-        scaled_jacobian = self.scaled_jacobian(expression, symbols)
-        if scaled_jacobian.nnz() == 0:
-            return np.zeros(scaled_jacobian.shape, dtype=bool)
-        scaled_jacobian = ca.densify(scaled_jacobian)
-        return np.any([np.abs(self.evaluate(scaled_jacobian, 0.3, seed)) > ROUNDING for seed in range(1, 4)], axis=0)
+        jacobian = self.scaled_jacobian(expression, symbols)
+        depends = np.zeros(jacobian.shape, dtype=bool)
+        if jacobian.nnz() == 0:
+            return depends
+        (rows, columns), entries = map(np.array, jacobian.sparsity().get_triplet()), stack(jacobian.nonzeros())
+        found = np.any([np.abs(self.evaluate(entries, 0.3, seed)).ravel() > ROUNDING for seed in range(1, 4)], axis=0)
+        left = np.flatnonzero(~found)
+        if left.size:
+            rng, (centres, sizes) = np.random.default_rng(0), self._centres_and_sizes
+            scales = 10 ** rng.uniform(*_SCALES, (len(centres), _WIDE_STATES))
+            states = centres[:, None] + scales * rng.uniform(-1, 1, scales.shape) * sizes[:, None]
+            found[left] = nonzero_states(entries[left.tolist()], ca.vertcat(*self.arguments), states) >= 0
+        depends[rows[found], columns[found]] = True
+        return depends
 
     def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
         """Whether an expression depends on any of the symbols.
