@@ -146,7 +146,7 @@ class LateFriction(Far):
 def test_what_begins_far_from_the_start_breaks_a_law(component: type[Far]) -> None:
     """V(x) is 0 up to a wall, 1e-300 beside a well of 1 mm, and of degree 2 up to 1e-11 of a length of its own."""
     assert list(analysis.cyclic_coordinates(component)) == ["y"]
-    with pytest.raises(ComponentError, match="x: 1.0 is no symmetry: it changes L (at x = |where a condition)"):
+    with pytest.raises(ComponentError, match=r"x: 1.0 is no symmetry: it changes L (at x = |where a condition)"):
         analysis.noether(component, lambda _: {"x": 1.0})
     with pytest.raises(ComponentError, match="not homogeneous in x, y: it has a length of its own"):
         analysis.similarity(component)

@@ -538,7 +538,7 @@ PUSHED: dict[str, Any] = {"start": {"x": 0, "x_dot": 0, "s": 0, "s_dot": 0}, "en
 @pytest.mark.parametrize("mechanism", [Push, Pull])
 def test_what_begins_behind_a_gap_is_not_called_impossible(mechanism: type[Push]) -> None:
     """No motion near the start changes x, which is not said of all motions."""
-    with pytest.raises(PlanError, match="no motion was found from 1 starts, nearest x = .* instead of 1"):
+    with pytest.raises(PlanError, match=r"no motion was found from 1 starts, nearest x = .* instead of 1"):
         plan(mechanism, "s", minimize="s_ddot**2", tries=1, accuracy=None, **PUSHED)
 
 

@@ -37,7 +37,7 @@ from liaisons.analysis.submersions import (
     horizontal_lift,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, is_quadratic, solve_symmetric, stack
+from liaisons.expressions.algebra import gradient, hessian, is_quadratic, solve_symmetric, stack
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.legendre import rates_from_momenta
 
@@ -67,7 +67,7 @@ def legendre_rank(source: Source, **values: float) -> tuple[int, int]:
     :param values: parameters and coordinates where they differ from their defaults.
     """
     equations = equations_of(source)
-    metric = ca.hessian(equations.lagrangian, all_rates(equations))[0]
+    metric = hessian(equations.lagrangian, all_rates(equations))
     matrices = Quantity(equations, metric).evaluate(**random_states(equations, values)).reshape(*metric.shape, -1)
     return int(np.min(np.linalg.matrix_rank(np.moveaxis(matrices, -1, 0)))), metric.shape[0]
 
@@ -95,7 +95,7 @@ def multiplier_equations(source: Source, **values: float) -> Quantity:
     p = ca.vertcat(m.free.frame.T @ m.free.p, p_s)
     if is_quadratic(L, rates):
         linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
-        inverse = solve_symmetric(ca.hessian(L, rates)[0], p - linear)
+        inverse = solve_symmetric(hessian(L, rates), p - linear)
     else:
         inverse = rates_from_momenta(L, rates, p)
     H = ca.substitute(ca.dot(gradient(L, rates), rates) - L, rates, inverse)

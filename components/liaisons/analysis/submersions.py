@@ -12,7 +12,7 @@ import casadi as ca
 
 from liaisons.analysis.quantity import Source, all_rates, equations_of, require_no_contacts
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import is_quadratic, solve_symmetric
+from liaisons.expressions.algebra import hessian, is_quadratic, solve_symmetric
 from liaisons.mechanics.equations import Equations
 
 PURPOSE = "the geometry of active constraints"
@@ -58,7 +58,7 @@ def momenta_at_rest(equations: Equations) -> ca.SX:
 
 def effective_mass_matrix(equations: Equations) -> ca.SX:
     """Effective mass Θ, (a, a): ½ Θ(u, u) is the kinetic energy of the horizontal velocity (M eq. 50, 51)."""
-    metric = ca.hessian(equations.lagrangian, all_rates(equations))[0]
+    metric = hessian(equations.lagrangian, all_rates(equations))
     whole = ca.vertcat(horizontal_lift(equations), ca.SX.eye(len(equations.mechanism.actives)))
     return whole.T @ metric @ whole
 

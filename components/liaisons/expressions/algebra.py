@@ -10,6 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.expressions.calls import without_zero_directions
+
 
 def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
     """Return scalars or columns stacked into one column; (0, 1) for none."""
@@ -34,6 +36,16 @@ def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
     return ca.jacobian(expression, column).T
 
 
+def jacobian(expression: ca.SX, column: ca.SX) -> ca.SX:
+    """Return ∂expression/∂column without terms that are zero because a call does not depend on the column."""
+    return without_zero_directions(ca.jacobian(expression, column))
+
+
+def hessian(expression: ca.SX, column: ca.SX) -> ca.SX:
+    """Return ∂²expression/∂column∂column without terms that are zero because a call does not depend on the column."""
+    return without_zero_directions(ca.hessian(expression, column)[0])
+
+
 def term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
     """Return the sums of the absolute values of the terms of matrix @ column."""
     return ca.fabs(matrix) @ ca.fabs(column)
@@ -46,7 +58,7 @@ def at_zero(expression: ca.SX, symbols: ca.SX) -> ca.SX:
 
 def is_quadratic(expression: ca.SX, column: ca.SX) -> bool:
     """Whether the second derivatives of an expression by a column do not depend on it."""
-    return not ca.depends_on(ca.hessian(expression, column)[0], column)
+    return not ca.depends_on(hessian(expression, column), column)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.expressions.calls import with_opaque_calls
 from liaisons.expressions.operations import NUMPY, interpret, is_smooth_function
 
 _LANES, _TRIALS = 8, 8  # of rounding; of conditions
@@ -35,8 +36,11 @@ def nonzero_states(expression: ca.SX, symbols: ca.SX, states: NDArray, noise: fl
     :param noise: relative error of numbers in the expression, above that of doubles.
     :returns: (entries,); n where it is not 0 if conditions come out otherwise, or where it cannot be evaluated.
     """
-    column, count = ca.densify(ca.vec(expression)), states.shape[1]
-    function = ca.Function("identity", [symbols], [column])
+    count = states.shape[1]
+    column, calls = with_opaque_calls(ca.densify(ca.vec(expression)))
+    results = np.random.default_rng(0).normal(size=(len(calls), count))  # of tables anything is assumed
+    function = ca.Function("identity", [ca.vertcat(symbols, *calls)], [column])
+    states = np.vstack([states, results])
     found = np.full(column.numel(), -1)
     for trial in range(1 if is_smooth_function(function) else _TRIALS):
         values, underflow = _noisy_values(function, states, noise, trial)

@@ -41,7 +41,8 @@ def interpret(
         elif code == ca.OP_CONST:
             work[targets[0]] = constant(function.instruction_constant(k))
         else:
-            work[targets[0]] = operation(code, [work[source] for source in sources])
+            result = operation(code, [work[source] for source in sources])
+            work.update(dict.fromkeys(targets, result))  # several of a call
     return [[values[i] for i in sorted(values)] for values in outputs]
 
 

@@ -74,8 +74,12 @@ class Builder:
         :raises ComponentError: for an operation that has no counterpart in C.
         """
         if code not in OPERATIONS:
+            what = (
+                "calls a function, such as ca.interpolant" if code == ca.OP_CALL else f"has CasADi's operation {code}"
+            )
             raise ComponentError(
-                f"an expression has CasADi's instruction {code}, which is no scalar operation of C; expand the function"
+                f"an expression {what}, which has no counterpart in vectorised C; write it by scalar formulas "
+                "(ca.if_else, powers), or simulate the FMU"
             )
         if code in self._rewritten:
             return self._with_bounded_scale(self._rewritten[code](*arguments))

@@ -7,7 +7,7 @@ import casadi as ca
 
 from liaisons.base import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import hessian, stack
 from liaisons.language.checks import Formulas, call, declarations_of
 from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
@@ -131,7 +131,7 @@ class Chain(MechanicalComponent, abstract=True):
     def _check_inertia(self) -> None:
         name, kinetic, tip = type(self).__name__, ca.SX(self.kinetic_energy()), self.joint_column(self.tip())
         rates = ca.vertcat(self.q_dot, self.w_dot)
-        if ca.depends_on(ca.hessian(kinetic, rates)[0], rates):
+        if ca.depends_on(hessian(kinetic, rates), rates):
             raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")
         joint = ca.vertcat(self.w, self.w_dot)
         needs = {"tip and kinetic_energy need": ca.vertcat(kinetic, tip)}

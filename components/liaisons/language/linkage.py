@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import hessian, stack
 from liaisons.language.checks import declarations_of, reject_clashes
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import Gravity, declare
@@ -219,7 +219,7 @@ class Linkage(Mechanism, abstract=True):
     # ---- derived ---------------------------------------------------------------------------------------------
 
     def _check_mass_matrix(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
-        start, metric = self.start_values(), ca.hessian(lagrangian, self.free.q_dot)[0]
+        start, metric = self.start_values(), hessian(lagrangian, self.free.q_dot)
         matrix = np.array(ca.Function("A", [*motion.values()], [metric])(*(start[name] for name in motion)))
         if is_positive_definite(matrix):
             return

@@ -14,7 +14,8 @@ import numpy as np
 from liaisons.base import units
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import gradient, is_quadratic
+from liaisons.expressions.algebra import gradient, hessian, is_quadratic, jacobian
+from liaisons.expressions.calls import called_functions, jumping_table
 from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.contact_checks import check_contacts
@@ -161,7 +162,10 @@ class Mechanism(MechanicalComponent, abstract=True):
         where = ca.vertcat(free.q, self.placeholders.w, active.s, free.q_dot, active.s_dot)
         turning = free.kinematics @ free.q_dot
         rates = ca.vertcat(turning, self.placeholders.w_dot, active.s_dot, free.q_ddot, active.s_ddot)
-        return ca.jtimes(ca.SX(expression), where, rates)
+        column = ca.SX(expression)
+        if called_functions(column):  # rates as factors, not as arguments of calls, so that what is quadratic is seen
+            return ca.reshape(jacobian(column, where) @ rates, column.shape)
+        return ca.jtimes(column, where, rates)
 
     def momentum(self, coordinate: ca.SX) -> ca.SX:
         """Momentum p = ∂L/∂q̇ of a free coordinate, for outputs."""
@@ -246,15 +250,27 @@ class Mechanism(MechanicalComponent, abstract=True):
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
+        self._refuse_kinked_tables(lagrangian)
         formulas.check_internal_rates(motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
         self._check_mass_matrix(lagrangian, motion)
         if not is_quadratic(lagrangian, self.free.q_dot):
             self._check_nonquadratic()
 
+    def _refuse_kinked_tables(self, lagrangian: ca.SX) -> None:
+        """Raise a ComponentError for linear interpolants at whose points rates would jump."""
+        words = "which is interpolated linearly and has kinks, at which rates would jump; interpolate by 'bspline'"
+        if table := jumping_table(lagrangian, slope=True):
+            raise ComponentError(
+                f"{type(self).__name__}: the kinetic energy contains the slope of the table {table!r}, {words}"
+            )
+        for item in (*self.constraints, *self.rheonomic_constraints, *self.unilaterals):
+            if table := jumping_table(ca.SX(getattr(self, item.name)), slope=False):
+                item.refuse(f"contains the table {table!r}, {words}")
+
     def _check_mass_matrix(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
         name, kinetic = type(self).__name__, ca.SX(self.kinetic_energy())
-        metric, rates = ca.hessian(lagrangian, self.free.q_dot)[0], _rates(self)
+        metric, rates = hessian(lagrangian, self.free.q_dot), _rates(self)
         if self.has_energies() and ca.depends_on(metric, rates):
             raise ComponentError(
                 f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them: define "

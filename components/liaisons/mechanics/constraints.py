@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import at_zero, stack
+from liaisons.expressions.algebra import at_zero, jacobian, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import NEGLIGIBLE, Inertia
 
@@ -69,7 +69,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
 
     residuals, rate_residuals, accelerated = (stack(row[i] for row in rows) for i in range(3))
     first, last = len(m.constraints), len(m.passive_constraints)
-    matrix = ca.jacobian(accelerated, m.free.q_ddot)
+    matrix = jacobian(accelerated, m.free.q_ddot)
     return Constraints(
         matrix=matrix,
         squares=_squared_coefficients(m, matrix),

@@ -29,7 +29,7 @@ import numpy as np
 
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, stack
+from liaisons.expressions.algebra import gradient, jacobian, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import (
     STABILISATION,
@@ -187,8 +187,8 @@ def derive(component: type[Mechanism]) -> Equations:
     Q = applied - K.T @ gradient(lifting, q) - rubbing.forces_against(q_dot)
     Q_s = -gradient(lifting, s) - rubbing.forces_against(s_dot)
     if rates.shape[0]:
-        Q += ca.jacobian(rates, q_dot).T @ m.contact_forces
-        Q_s += ca.jacobian(rates, s_dot).T @ m.contact_forces
+        Q += jacobian(rates, q_dot).T @ m.contact_forces
+        Q_s += jacobian(rates, s_dot).T @ m.contact_forces
 
     dynamics = dynamics_of(m, L)
     metric, loose = dynamics.inertia, dynamics.velocities
@@ -209,7 +209,7 @@ def derive(component: type[Mechanism]) -> Equations:
     applied_forces = ca.vertcat(Q + C.T @ symbols, Q_s + across @ symbols[rigid, 0])
     accelerations, lambda_s = dynamics.forward(Q + C.T @ lambdas, constrained)
     operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
-    Theta = ca.jacobian(operator_forces, m.active.s_ddot)
+    Theta = jacobian(operator_forces, m.active.s_ddot)
 
     # Power of non-holonomic constraints, which is neither drive nor load but leaves the energy.
     inner = list(range(len(m.constraints), passive))

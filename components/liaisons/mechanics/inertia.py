@@ -14,7 +14,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from liaisons.expressions.algebra import Factors, elimination_order, factorise, stack
+from liaisons.expressions.algebra import Factors, elimination_order, factorise, hessian, stack
 from liaisons.language.mechanism import Mechanism
 
 MANY = 8
@@ -88,7 +88,7 @@ class Inertia:
 
 def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     """Mass matrix A = ∂²L/∂q̇∂q̇ (the metric g_ij of M eq. 42), with the cheapest system to solve by it."""
-    A = ca.hessian(lagrangian, m.free.q_dot)[0]
+    A = hessian(lagrangian, m.free.q_dot)
     if A.shape[0] < MANY or ca.depends_on(A, m.free.q_dot):
         return Inertia(A, A)
     systems: list[_System] = [(A, {}), *_lifted_systems(m)]
@@ -102,7 +102,7 @@ def _lifted_systems(m: Mechanism) -> Iterator[_System]:
     while names:  # without those that carry no mass
         twin = m.with_symbolic_points(names)
         x_dot = ca.vertcat(m.free.q_dot, twin.placeholders.w_dot)
-        H = ca.hessian(ca.SX(twin.lagrangian()), x_dot)[0]
+        H = hessian(ca.SX(twin.lagrangian()), x_dot)
         f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
         heavy = [f + i for i in range(w) if H.sparsity().has_nz(f + i, f + i)]
         if len(heavy) == w:

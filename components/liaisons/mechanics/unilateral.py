@@ -29,7 +29,7 @@ import numpy as np
 
 from liaisons.base.array_names import array_and_index
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import at_zero, stack, term_sizes
+from liaisons.expressions.algebra import at_zero, jacobian, stack, term_sizes
 from liaisons.language.declarations import Orientation, dry_friction
 from liaisons.language.layout import Layout
 from liaisons.language.mechanical import MechanicalComponent
@@ -107,7 +107,7 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     gaps = stack(ca.SX(getattr(m, item.name)) for item in m.unilaterals)
     rates = m.contact_rates()
     accelerations = m.dot(rates)
-    along, across = ca.jacobian(rates, free.q_dot), ca.jacobian(rates, active.s_dot)
+    along, across = jacobian(rates, free.q_dot), jacobian(rates, active.s_dot)
     rest = accelerations - along @ free.q_ddot - across @ active.s_ddot
     forced = term_sizes(along, free.q_ddot) + term_sizes(across, active.s_ddot) + ca.fabs(rest)
     nominal = ca.fabs(along) @ free.rate_sizes
@@ -227,10 +227,10 @@ class ContactModes:
     def _compliance(self) -> Compliance:
         """Delassus matrix; in two factors if contacts are redundant near the start or near closed gaps."""
         t, y, u, k, x = (self.vectors[letter] for letter in "tyukx")
-        regular = Compliance.from_matrix(ca.jacobian(self.numbers["a"], x))
+        regular = Compliance.from_matrix(jacobian(self.numbers["a"], x))
         if len(self.contacts) < 2:
             return regular
-        U, V = ca.jacobian(self.numbers["v"], y), ca.jacobian(self.forced["derivatives"], x)
+        U, V = jacobian(self.numbers["v"], y), jacobian(self.forced["derivatives"], x)
         moved = sorted({*V.sparsity().row()} & {*U.sparsity().get_col()})
         factors = Compliance(U[:, moved], V[moved, :], is_redundant=True)
         gap = self._without_contact_forces(self.numbers["gap"])

@@ -223,9 +223,7 @@ def _ellipse(
     return _with_integrated_states(problem, trajectory, motion)
 
 
-def _integrated_transfer(
-    problem: Problem, intervals: int, k: int, reach: float | None = None
-) -> CollocatedTrajectory:
+def _integrated_transfer(problem: Problem, intervals: int, k: int, reach: float | None = None) -> CollocatedTrajectory:
     """A motion of σ from start to end with the k-th waves, and integrated states.
 
     :param reach: distance to which it goes in the k-th direction, where it ends in motion; to the end unless given.

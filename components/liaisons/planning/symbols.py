@@ -191,7 +191,10 @@ class GoalSymbols:
         depends = np.zeros(jacobian.shape, dtype=bool)
         if jacobian.nnz() == 0:
             return depends
-        (rows, columns), entries = map(np.array, jacobian.sparsity().get_triplet()), stack(jacobian.nonzeros())
+        (rows, columns), entries = (
+            map(np.array, jacobian.sparsity().get_triplet()),
+            stack(map(ca.SX, jacobian.nonzeros())),
+        )
         found = np.any([np.abs(self.evaluate(entries, 0.3, seed)).ravel() > ROUNDING for seed in range(1, 4)], axis=0)
         left = np.flatnonzero(~found)
         if left.size:
