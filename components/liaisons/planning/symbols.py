@@ -193,7 +193,7 @@ class GoalSymbols:
             return depends
         (rows, columns), entries = (
             map(np.array, jacobian.sparsity().get_triplet()),
-            stack(map(ca.SX, jacobian.nonzeros())),
+            stack([ca.SX(x) for x in jacobian.nonzeros()]),
         )
         found = np.any([np.abs(self.evaluate(entries, 0.3, seed)).ravel() > ROUNDING for seed in range(1, 4)], axis=0)
         left = np.flatnonzero(~found)
