@@ -241,7 +241,7 @@ def reject_clashes(cls: type, names: Iterable[tuple[str, str]]) -> None:
 
     :param names: of all variables, each with its description; a name that two claim comes twice.
     """
-    reserved = f"input_reconstruction symplectic_steps stiff_solver time picture {NEXT_EVENT_TIME}"
+    reserved = f"input_reconstruction symplectic_steps stiff_solver time picture coupling_error {NEXT_EVENT_TIME}"
     seen: dict[str, str] = dict.fromkeys(reserved.split(), "which every FMU has")
     declared = {item.name: item for item in declarations_of(cls, Declaration)}
     others = [(name, item.description) for name, item in declared.items() if not isinstance(item, _VARIABLES)]
