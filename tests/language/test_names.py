@@ -164,7 +164,7 @@ def test_symbols_of_a_chains_joint_are_its_own() -> None:
                 return self.joint_x / 2 * self.dot(self.x) ** 2
 
 
-@pytest.mark.parametrize("name", ["y_ddot", "s_dot", "time"])
+@pytest.mark.parametrize("name", ["y_ddot", "s_dot", "time", "coupling_error"])
 def test_an_operators_own_names(name: str) -> None:
     members = {"s": InternalState("m", "filter"), name: Parameter(1.0, "m", "mine"), "__module__": __name__}
     methods = {"signal": lambda m, _: m.s, "internal_rates": lambda _: {"s": ca.SX(0)}}

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
 from liaisons.language.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
-from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, roll_pitch_yaw, rotation_onto
+from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, identifier, roll_pitch_yaw, rotation_onto
 
 _JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
 _CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}
@@ -381,7 +381,7 @@ class _Reader:
         angles, position = roll_pitch_yaw(far.axes), tuple(map(float, far.origin))
         robot.declare_joint(
             _CLOSING[element.tag],
-            name,
+            robot.free_name(item, identifier(name), element.tag, robot.members),
             (first, second),
             pose.relative_to(outer),
             at_child=position,

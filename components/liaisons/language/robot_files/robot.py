@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from decimal import Decimal
 from functools import partial
 from math import isfinite
@@ -137,8 +137,8 @@ class Robot:
         :param counts: how many there may be.
         """
         text = element.get(key, default)
-        try:
-            values = [float(word) for word in (text or "").split()]
+        try:  # Python reads 1_000, and digits of other scripts, too
+            values = [] if re.search(r"[^-+.\deE\s]", text or "", re.ASCII) else list(map(float, (text or "").split()))
         except ValueError:
             values = []
         if len(values) not in counts or not all(map(isfinite, values)):
@@ -169,8 +169,8 @@ class Robot:
     def balanced(self, item: str, tensor: np.ndarray, text: str, mass: float, *, mean: bool = False) -> np.ndarray:
         """Tensor of inertia that a body may have, if a given one is wrong by the rounding of its digits alone.
 
-        Principal moments of which one exceeds the sum of the others by what the last digits leave open change by as
-        little as makes them equal; those of less than 1e-18 m2 times the mass become 0.
+        Principal moments of which one exceeds the sum of the others by what the last digits leave open, or by single
+        precision, change by as little as makes them equal; those of less than 1e-18 m2 times the mass become 0.
 
         :param text: numbers that were rounded.
         :param mean: whether any other wrong tensor gets the mean of its moments; so it does by ``balance_inertia``.
@@ -187,7 +187,7 @@ class Robot:
         positive = np.maximum(moments, 0)
         if np.abs(moments).max() <= max(1e-18 * mass, 1e-30):
             new = np.zeros(3)
-        elif excess <= 2 * np.linalg.norm(last * (tensor != 0), 2) + 3 * last:
+        elif excess <= max(2 * np.linalg.norm(last * (tensor != 0), 2) + 3 * last, 1e-6 * moments[2]):
             new = positive + max(0, positive[2] - positive[0] - positive[1]) / 3 * np.array([1, 1, -1])
         elif mean or self.balance_inertia:
             new = np.full(3, positive.mean())
@@ -199,10 +199,8 @@ class Robot:
 
     def declare_body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
         """Declare a body, and return it; one that is called as a joint gets its tag behind the name."""
-        word, item = identifier(name), f"{tag} {shown(name)}"
-        own = f"{word}_{tag}" if word in self._joints | _RESERVED | _GIVEN else word
-        if own != word:
-            self.remarks.append(f"name of {item}, which a joint or the FMU has: its parameters begin with {own}")
+        item = f"{tag} {shown(name)}"
+        own = self.free_name(item, identifier(name), tag, self._joints | _RESERVED | _GIVEN)
         if not np.isfinite([inertia.mass, *inertia.centre, *inertia.tensor.flat]).all():
             self.refuse(item, "its mass, centre of mass or inertia exceeds all numbers; check sizes and places")
         smallest = 1e-15 * np.abs(inertia.tensor).max()
@@ -214,6 +212,13 @@ class Robot:
         )
         self._declare(item, own, body)
         return body
+
+    def free_name(self, item: str, name: str, tag: str, taken: Container[str]) -> str:
+        """Name of an item; with its tag behind it, and a remark, if it is taken."""
+        if name not in taken:
+            return name
+        self.remarks.append(f"name of {item}, which a joint or the FMU has: its variables begin with {name}_{tag}")
+        return f"{name}_{tag}"
 
     def declare_joint(self, kind: type[BodyJoint], name: str, ends: tuple[Body, Body], pose: Pose, **more: Any) -> None:
         """Declare a joint.
@@ -228,10 +233,12 @@ class Robot:
             self.refuse(item, "it does not move; prescribe one that does")
         if requested and more.pop("friction", 0):
             self.remarks.append(f"friction of {item}, which is prescribed")
-        low, high = _floats(more.pop("limits", (0.0, 0.0)))
-        if (low or high) and self.limits:
+        low, high = _floats(more.pop("limits", (-np.inf, np.inf)))
+        if low == high:
+            self.remarks.append(f"limits of {item}, which are both {low:g}")
+        elif self.limits and isfinite(low):
             more |= {"limits": (low, high), "start": 0.0 if low <= 0 <= high else (low + high) / 2}
-        elif low or high:
+        elif isfinite(low):
             self.ignored["limits of joints (limits=True or --limits makes stops of them)"] += 1
         more = {key: value for key, value in more.items() if np.any(value)}
         more |= {"at": _floats(pose.origin), "rotation": roll_pitch_yaw(pose.axes), "prescribed": bool(requested)}

@@ -169,7 +169,7 @@ def _declare_joint(robot: Robot, name: str, element: Element, ends: tuple[Body, 
     )
     if kind in (Revolute, Prismatic):
         more: dict[str, Any] = {key: robot.number(item, dynamics, key, minimum=0) for key in ("damping", "friction")}
-        if word != "continuous":
+        if word != "continuous" and limit.attrib:
             more["limits"] = [robot.number(item, limit, key) for key in ("lower", "upper")]
         robot.declare_joint(kind, name, ends, pose, axis=tuple(axis), **more)
         return
