@@ -80,7 +80,7 @@ class RandomFile:
             low = sorted(self.rng.uniform(0.5, 1, 3))
             inertia = f'diaginertia="{" ".join(f"{x:.6f}" for x in low)}"'
             if self.rng.integers(2):
-                R = Rotation.random(random_state=self.rng).as_matrix()
+                R = Rotation.from_quat(self.rng.normal(size=4)).as_matrix()
                 full = R @ np.diag(low) @ R.T
                 inertia = 'fullinertia="' + " ".join(repr(float(full[i, j])) for i, j in ORDER) + '"'
                 inside = f'<inertial pos="{self.numbers(3)}" mass="{self.numbers(1, 0.2, 3)}" {inertia}/>'
@@ -121,7 +121,7 @@ def states(model: Any, file: RandomFile) -> tuple[dict[str, float], np.ndarray, 
         v[d : d + len(endings)] = rates
         names[d : d + len(endings)] = [f"{name}{e}_dot" for e in endings]
         if kind in ("ball", "free"):
-            turn, spin = Rotation.random(random_state=rng), rng.uniform(-1, 1, 3)
+            turn, spin = Rotation.from_quat(rng.normal(size=4)), rng.uniform(-1, 1, 3)
             x, y, z, w = turn.as_quat()
             ours |= {f"{name}_q_{axis}": float(c) for axis, c in zip("wxyz", (w, x, y, z), strict=True)}
             ours |= {f"{name}_omega_{axis}": float(c) for axis, c in zip("xyz", spin, strict=True)}

@@ -16,6 +16,8 @@ from liaisons.language import (
     Body,
     Chain,
     Coordinate,
+    DiscreteOutput,
+    Input,
     InternalState,
     Joint,
     Linkage,
@@ -25,6 +27,7 @@ from liaisons.language import (
     Parameter,
     Prismatic,
     Revolute,
+    Sampled,
     Size,
     Universal,
     calculated,
@@ -164,7 +167,7 @@ def test_symbols_of_a_chains_joint_are_its_own() -> None:
                 return self.joint_x / 2 * self.dot(self.x) ** 2
 
 
-@pytest.mark.parametrize("name", ["y_ddot", "s_dot", "time", "coupling_error"])
+@pytest.mark.parametrize("name", ["y_ddot", "s_dot", "t", "time", "coupling_error"])
 def test_an_operators_own_names(name: str) -> None:
     members = {"s": InternalState("m", "filter"), name: Parameter(1.0, "m", "mine"), "__module__": __name__}
     methods = {"signal": lambda m, _: m.s, "internal_rates": lambda _: {"s": ca.SX(0)}}
@@ -200,3 +203,15 @@ def test_joints_of_linkages(names: tuple[str, ...], kinds: tuple[Any, ...], word
         joints["k"].at = (0, 0, 2)
     with pytest.raises(ComponentError, match=words):
         type("Odd", (Linkage,), {"a": a, "b": b, **joints, "__module__": __name__})
+
+
+def test_a_declaration_of_the_base_class_stays_of_its_kind() -> None:
+    """The period of a sampled component is no output of it, gravity no joint of a linkage; another parameter is."""
+    a = Body(1.0, 1.0, (0, 0, 1))
+    with pytest.raises(ComponentError, match=r"Odd\.gravity: the base class has a Parameter of this name; choose anoth"):
+        type("Odd", (Linkage,), {"a": a, "gravity": Revolute(ground, a), "__module__": __name__})
+    members = {"x": Input("m", "place"), "update": lambda m: {"period": m.x}, "__module__": __name__}
+    with pytest.raises(ComponentError, match=r"Odd\.period: the base class has a Parameter of this name"):
+        type("Odd", (Sampled,), members | {"period": DiscreteOutput("s", "mine")})
+    on_the_moon = {"a": a, "gravity": Parameter(1.62, "m/s2", "of the moon"), "j": Revolute(ground, a, axis="y")}
+    assert type("Moon", (Linkage,), on_the_moon | {"__module__": __name__}).gravity.start == 1.62

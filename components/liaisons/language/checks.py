@@ -20,6 +20,8 @@ from liaisons.language.declarations import (
     ContactFormula,
     Declaration,
     InternalState,
+    Joint,
+    Parameter,
     Size,
     Symbol,
     calculated,
@@ -34,6 +36,8 @@ _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 _OURS = "liaisons.language"
 _VARIABLES = (Symbol, Size, output, calculated, ContactFormula, rheonomic_constraint)
 """What declares a variable of its own name; of points, constraints, bodies and the like, names have endings."""
+_KINDS = (Parameter, Size, Joint)
+"""What base classes declare; a subclass may declare another one of the same kind."""
 
 
 def declarations_of(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
@@ -225,7 +229,12 @@ def reject_reserved_names(cls: type) -> None:
     ours = [base for base in cls.__mro__ if base.__module__.startswith(_OURS)]
     taken = {name for base in ours for name, value in vars(base).items() if not isinstance(value, Declaration)}
     taken |= {name for base in ours for name in vars(base).get("__annotations__", ())}
+    kinds = {
+        name: kind for base in ours for name, value in vars(base).items() for kind in _KINDS if isinstance(value, kind)
+    }
     for item in declarations_of(cls, Declaration):
+        if not isinstance(item, kind := kinds.get(item.name, Declaration)):
+            item.refuse(f"the base class has a {kind.__name__} of this name; choose another")
         if not _IDENTIFIER.match(item.name):
             item.refuse("use an ASCII identifier that starts with a letter")
         if item.name in taken:
@@ -256,7 +265,7 @@ def reject_clashes(cls: type, names: Iterable[tuple[str, str]]) -> None:
     if name in declared:
         other = texts[0] if texts[1] == declared[name].description else texts[1]
         verb = "says" if other.split()[0] in {"whether", "what", "how", "when", "where"} else "is the"
-        what = "" if other.startswith("which") else f"{name} {verb} {re.split('[,:(]', other)[0].strip()}: "
+        what = "" if other.startswith("which") else f"{name} {verb} {re.split('[:(]', other)[0].strip()}: "
         fix = f"{what}choose another name"
     raise ComponentError(
         f"{cls.__name__}: two variables would be called {name!r}: {texts[0]!r} and {texts[1]!r}; {fix}"

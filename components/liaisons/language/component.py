@@ -159,6 +159,9 @@ class SignalComponent(Component, abstract=True):
             ports=(),
         )
 
+    def claimed_names(self) -> list[tuple[str, str]]:
+        return [*super().claimed_names(), ("t", "time")]  # in formulas
+
     def triple(self) -> list[ca.SX]:
         """Signal of an active port and its two derivatives; empty without a port."""
         return []
