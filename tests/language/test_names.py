@@ -208,7 +208,7 @@ def test_joints_of_linkages(names: tuple[str, ...], kinds: tuple[Any, ...], word
 def test_a_declaration_of_the_base_class_stays_of_its_kind() -> None:
     """The period of a sampled component is no output of it, gravity no joint of a linkage; another parameter is."""
     a = Body(1.0, 1.0, (0, 0, 1))
-    with pytest.raises(ComponentError, match=r"Odd\.gravity: the base class has a Parameter of this name; choose anoth"):
+    with pytest.raises(ComponentError, match=r"Odd\.gravity: the base class has a Parameter of this name; cho"):
         type("Odd", (Linkage,), {"a": a, "gravity": Revolute(ground, a), "__module__": __name__})
     members = {"x": Input("m", "place"), "update": lambda m: {"period": m.x}, "__module__": __name__}
     with pytest.raises(ComponentError, match=r"Odd\.period: the base class has a Parameter of this name"):

@@ -180,6 +180,7 @@ def test_limits_are_stops_if_requested() -> None:
     starts = {q.name: q.start for q in with_stops.coordinates}
     assert starts["joint4"] == pytest.approx(-1.5708)  # 0 is outside -3.0718 .. -0.0698
     assert starts["joint2"] == 0
+    assert len(imported("panda.xml", limits=True).unilaterals) == len(imported("panda.urdf", limits=True).unilaterals)
     assert not any("limits" in line for line in with_stops.left_out)
 
 
@@ -209,6 +210,14 @@ def test_shapes_of_links_are_drawn() -> None:
     assert shapes.count("Box") == 1  # the trunk
     assert shapes[-3:] == ["Box", "Rod", "Ball"]
     assert shapes.count("Ball") == 3  # thigh, calf, and the foot's sphere: what has no shape has a ball
+
+
+def test_a_cylinder_is_a_rod_of_its_length(tmp_path: Path) -> None:
+    geom = '<geom type="cylinder" size="0.1 0.7" pos="0 0 3" xyaxes="0 1 0 0 0 1"/>'  # along x
+    m = mjcf(tmp_path, f'<body name="b"><joint name="j" axis="1 0 0"/>{geom}</body>')()
+    (rod,) = (shape for shape in m.picture() if type(shape).__name__ == "Rod")
+    ends = [[float(ca.evalf(ca.substitute(x, m.free.q, 0))) for x in end.values()] for end in (rod.start, rod.end)]
+    np.testing.assert_allclose(ends, [[-0.7, 0, 3], [0.7, 0, 3]], rtol=0, atol=1e-15)  # rounding of a rotation
 
 
 # ---- small files ---------------------------------------------------------------------------------------------------
