@@ -22,7 +22,7 @@ from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, stat
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
-from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_memory_index, scalar_count, start_rates
+from liaisons.fmu.layout import TIME, Fmi, index_ranges, memory_index, scalar_count, start_rates
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
@@ -406,8 +406,8 @@ def _tables(model: Model) -> list[_Table]:
     active = []
     for a in model.active:
         firsts = (inputs[name].start for name in (a.value, a.rate, a.acceleration))
-        mismatch = mismatch_memory_index(model, a)
-        active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
+        shown = (memory_index(model, f"{a.value}{end}") for end in ("_mismatch", "_derived"))
+        active.append(_initializer(*firsts, len(inputs[a.value]), *("NOT_SHOWN" if i < 0 else i for i in shown)))
     tables = [
         _Table("variables", "", "Variable", _variable_initializers(model)),
         _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _element_starts(model)]),

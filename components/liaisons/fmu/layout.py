@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from liaisons.base import units
 from liaisons.base.compiler import Fmi
 from liaisons.language import Variable
-from liaisons.mechanics import ActiveInput, Model
+from liaisons.mechanics import Model
 
 TIME = Variable("time", "s", "time since the start of the simulation", "local", "continuous")
 
@@ -103,10 +103,9 @@ def start_rates(model: Model) -> list[tuple[int, int]]:
     return pairs
 
 
-def mismatch_memory_index(model: Model, prescribed: ActiveInput) -> int:
-    """Return the memory index of a prescribed coordinate's mismatch; -1 if it has none."""
-    names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
-    return next((i for i, name in enumerate(model.memory) if name in names), -1)
+def memory_index(model: Model, name: str) -> int:
+    """Return the memory index of a variable, of an array that of its first element; -1 if it has none."""
+    return next((i for i, slot in enumerate(model.memory) if slot in (name, f"{name}[1]")), -1)
 
 
 def size_references(model: Model) -> dict[str, int]:

@@ -25,7 +25,7 @@ from pathlib import Path
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import first_reference, mismatch_memory_index, start_rates
+from liaisons.fmu.layout import first_reference, memory_index, start_rates
 from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
 from liaisons.mechanics.model import Model
 
@@ -71,6 +71,10 @@ def _component_table(model: Model, guid: str) -> bytes:
         "fixed": [variable.variability == "fixed" for variable in settable],
         "impulses": [first + i for i, variable in enumerate(model.inputs) if variable.variability == "discrete"],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
+        "active": [
+            [*numbers, memory_index(model, f"{s.value}_derived")]
+            for numbers, s in zip(active, model.active, strict=True)
+        ],
         "warnings": _prescribed_motion_warnings(model),
         "start_rates": start_rates(model),
         "condition_texts": model.condition_texts,
@@ -85,7 +89,7 @@ def _component_table(model: Model, guid: str) -> bytes:
 def _prescribed_motion_warnings(model: Model) -> list[tuple[int, list[str]]]:
     """Return, for each prescribed coordinate, the memory index of its mismatch and texts of warnings.
 
-    They are of a contradiction of value and rates, and of a jump.
+    They are of a contradiction of value and rates, of a jump, of a missing acceleration, and of missing rates.
     """
     effects = jump_effects(model)
     stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
@@ -99,7 +103,15 @@ def _prescribed_motion_warnings(model: Model) -> list[tuple[int, list[str]]]:
             f"{s.value} jumps by {{mismatch:.6g}} at t = {{t:.9g}}, of which {s.rate} and {s.acceleration} "
             f"say nothing: {_LIMIT if limited else stay}"
         )
-        warnings.append((mismatch_memory_index(model, s), [contradiction, jump]))
+        missing = (
+            f"{what} while {moves} changes, at t = {{t:.9g}}: from now on derived from what {moves} has at "
+            "communication points; set what is missing, or input_reconstruction = 0 (hold)"
+            for what, moves in (
+                (f"{s.acceleration} stays 0", s.rate),
+                (f"{s.rate} and {s.acceleration} stay 0", s.value),
+            )
+        )
+        warnings.append((memory_index(model, f"{s.value}_mismatch"), [contradiction, jump, *missing]))
     return warnings
 
 

@@ -16,6 +16,7 @@ far, compared               1: σ is far from where its rates led; the time of t
 leaps, jump                 1: σ jumps at the end of the step; how far it jumps, 0 where that moves no states
 away                        of y_next from the constraints, in units of what is kept
 trial, reached              states on their way onto the constraints; what is left there, and what is prescribed
+looked                      what is known of rates that nobody gives, see ``python_runtime/rates.py``
 margins, instants           of the conditions; at which the component is not smooth
 ==========================  ================================================================================
 
@@ -41,7 +42,7 @@ from scipy.integrate import RK45
 from liaisons.base.hermite import upper_coefficients
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import mismatch_memory_index
+from liaisons.fmu.layout import memory_index
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
@@ -49,6 +50,7 @@ _HOLD, _EXTRAPOLATE, _INTERPOLATE = range(3)
 _ROUNDING = 1e-14  # jumps below this part of σ are rounding errors
 _FAR = 5.0  # a difference so many times the distance by rate and acceleration is a jump
 _VALUE, _RATE = 1e-6, 1e-3  # tolerance of the source: parts of σ, and of the distance by its rate
+_LOOKED = 5 + 3 * 4  # numbers of a coordinate
 _LARGEST = 1.7976931348623157e308
 
 
@@ -78,6 +80,7 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
         **dict.fromkeys(("error", "past_H", "compared", "away"), zero),
         "reached": zero * (model.reach.numel_out(0) if model.reach else 0),
         **dict.fromkeys(("far", "leaps", "jump"), prescribed),
+        "looked": zero * (_LOOKED * len(model.active)),
         "margins": zero * len(model.condition_texts),
         "instants": zero * model.events.numel_out(0),
     }
@@ -225,7 +228,7 @@ def _mismatch_and_jump(
     explained += _RATE * distance + _VALUE * largest[values] + math.ulp(1.0)
     m, mismatch = ca.MX(n.m), ca.if_else(ca.fabs(difference) > explained, difference, 0)
     for i, coordinate in enumerate(model.active):
-        index = mismatch_memory_index(model, coordinate)
+        index = memory_index(model, f"{coordinate.value}_mismatch")
         if index >= 0:
             m[index] = ca.if_else(ca.logic_and(moves, H > 0), mismatch[i], 0)
     far, target = ca.fabs(difference) > _FAR * distance, ca.MX(n.given)

@@ -273,6 +273,11 @@ class MechanicalComponent(Component, abstract=True):
                 "where they contradict each other; else 0, as in model exchange and in hold mode"
             )
             yield Variable(f"{s.name}_mismatch", s.unit, text, "local", "discrete")
+            text = (
+                f"what the FMU derives from {s.name} at communication points, as it stays 0: 0 nothing, "
+                f"1 {s.name}_ddot, 2 {s.name}_dot and {s.name}_ddot; in model exchange what is missing"
+            )
+            yield Variable(f"{s.name}_derived", "1", text, "local", "discrete")
         yield from self._contact_outputs()
         for item in self.points:
             for axis in components_of(self, item.name):

@@ -25,7 +25,8 @@ class ComponentTable:
     fixed: list[bool]  # whether each of them is a parameter that is set before initialization ends
     impulses: list[int]  # value references of the sums of impulses, which are not taken
     never_0: list[int]  # value references of the active coordinates of which 0 is not allowed
-    warnings: list[tuple[int, list[str]]]  # for each mismatch its index in the memory, and texts: contradiction, jump
+    active: list[list[int]]  # of prescribed coordinates: σ, σ̇, σ̈ among the inputs; what is derived in the memory
+    warnings: list[tuple[int, list[str]]]  # likewise: mismatch in the memory; contradiction, jump, σ̈ and σ̇ missing
     start_rates: list[tuple[int, int]]  # indices of their start values, and of rates that constraints may change
     condition_texts: list[str]
     reaches: list[tuple[str, list[str]]]  # constraints: what is said of them, and the prescribed coordinates

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import ComponentTable
+from .rates import GIVEN, derived_numbers, may_miss_rates, missing_level, remember
 
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
@@ -41,6 +42,9 @@ class Motion:
 
     def __init__(self, component: ComponentTable) -> None:
         self._component, self._warned = component, set[int]()
+        self._found: dict[
+            int, tuple[str, NDArray[np.float64]]
+        ] = {}  # by mismatch: a warning, numbers of the coordinate
         self.all = np.concatenate([*component.numbers.values()])
         ends = np.cumsum([len(numbers) for numbers in component.numbers.values()]).tolist()
         parts = dict(zip(component.numbers, np.split(self.all, ends), strict=False))
@@ -66,6 +70,9 @@ class Motion:
         """
         self.apply_function("start")
         n, component = self.n, self._component
+        n.looked[:] = 0
+        for c in self._coordinates():
+            c.row[GIVEN] = n.given[c.numbers[1:]]
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
             raise MotionError("the initial state is not finite")
@@ -109,6 +116,45 @@ class Motion:
         n = self.n
         if n.mode[0] < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
             n.u[:], n.jumped[0] = n.given, 1
+        for c in self._coordinates() if n.mode[0] == 1 else ():
+            n.u[c.numbers] = derived_numbers(c.row, n.m[c.derived], n.t[0], n.u[c.numbers])[0]
+
+    def _coordinates(self) -> Iterator[SimpleNamespace]:
+        """Numbers, indices and texts of each prescribed coordinate of which mismatch and missing rates are shown."""
+        component, rows = self._component, self.n.looked.reshape(len(self._component.active) or 1, -1)
+        parts = enumerate(zip(rows, component.active, component.warnings, strict=False))
+        for i, (row, (*numbers, derived), (mismatch, texts)) in parts:
+            if derived >= 0:
+                yield SimpleNamespace(
+                    row=row, numbers=numbers, derived=derived, mismatch=mismatch, texts=texts, index=i
+                )
+
+    def _derive_rates(self, H: float) -> None:
+        """Replace rates that nobody gives, of the present inputs or of those to interpolate to, in a step of size H."""
+        n, ahead = self.n, self.n.mode[0] > 1
+        inputs, before, t = (n.given, n.u, n.t[0] + H) if ahead else (n.u, n.past_u, n.t[0])
+        for c in self._coordinates():
+            level, given, size = float(n.m[c.derived]), n.given[c.numbers], H if ahead else n.past_H[0]
+            if ahead:
+                remember(c.row, level, n.t[0], n.u[c.numbers])
+            if size > 0:
+                n.m[c.derived] = missing_level(c.row, level, size, before[c.numbers[0]], given)
+            inputs[c.numbers] = derived_numbers(c.row, n.m[c.derived], t, given)[0]
+            if not ahead:
+                remember(c.row, n.m[c.derived], t, inputs[c.numbers])
+                c.row[GIVEN] = given[1:]
+
+    def _note_warnings(self, before: NDArray[np.float64]) -> None:
+        """Note the first mismatch of each coordinate, unless its rates are missing; and since when they are derived."""
+        n = self.n
+        for c in self._coordinates():
+            level = int(n.m[c.derived])
+            n.m[c.mismatch] *= not level
+            if level > before[c.derived]:
+                self._found[c.mismatch] = c.texts[1 + level].format(t=n.t[0]), c.row[:0]
+            elif n.m[c.mismatch]:
+                text = c.texts[int(n.far[c.index])].format(mismatch=n.m[c.mismatch], t=n.compared[0])
+                self._found.setdefault(c.mismatch, (text, c.row))
 
     def step(self, H: float) -> None:
         """Advance by a communication step of size H [s].
@@ -118,6 +164,9 @@ class Motion:
         n = self.n
         n.H[0] = H
         self.apply_inputs()
+        given, memory = n.given.copy(), n.m.copy()
+        if n.mode[0] > 0:
+            self._derive_rates(H)
         self.apply_function("compare")
         if n.jumped[0]:
             self._jump_states(leap=not n.leaps.any())
@@ -137,7 +186,8 @@ class Motion:
             n.u[:] = n.given
             self._jump_states(leap=True)
             self.apply_function("remember")
-        n.jumped[0] = 0
+        n.given[:], n.jumped[0] = given, 0
+        self._note_warnings(memory)
 
     def _jump_states(self, *, leap: bool) -> None:
         """Book the work of a jump of the inputs; with ``leap``, move states along with a jump of σ that has a limit."""
@@ -239,13 +289,12 @@ class Motion:
         self.apply_function("events")
         return min((instant for instant in self.n.instants.tolist() if instant > t), default=math.inf)
 
-    def new_warnings(self) -> Iterator[str]:
-        """Yield warnings of mismatches, each coordinate once."""
-        n = self.n
-        for i, (index, texts) in enumerate(self._component.warnings):
-            if index >= 0 and n.m[index] != 0 and index not in self._warned:
-                self._warned.add(index)
-                yield texts[int(n.far[i])].format(mismatch=n.m[index], t=n.compared[0])
+    def new_warnings(self, *, last: bool = False) -> Iterator[str]:
+        """Yield what was noted of each coordinate, once; before the last time not of one whose rate may be missing."""
+        for name, (text, row) in self._found.items():
+            if name not in self._warned and (last or not may_miss_rates(row)):
+                self._warned.add(name)
+                yield text
 
 
 def _memory_view(array: NDArray[np.float64]) -> memoryview[float]:

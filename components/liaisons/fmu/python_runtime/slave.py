@@ -122,11 +122,11 @@ class Slave(Fmi2Slave):
 
     def terminate(self) -> None:
         """Log the last warnings."""
-        self._log_warnings()
+        self._log_warnings(last=True)
 
-    def _log_warnings(self) -> None:
+    def _log_warnings(self, *, last: bool = False) -> None:
         """Log the new warnings of the motion."""
-        for text in self._motion.new_warnings():
+        for text in self._motion.new_warnings(last=last):
             self.log(text, Fmi2Status.warning)
 
     # ---- stepping ---------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ State = dict[str, Any]
 
 NUMBERS = (
     *("t", "mode", "tolerance", "jumped", "k", "given", "u", "y", "m", "size"),
-    *("past_H", "past_u", "far", "compared"),
+    *("past_H", "past_u", "far", "compared", "looked"),
 )
 """Names of the numbers in a state."""
 

@@ -4,7 +4,7 @@
  * that is calculated; its last numbers, which only a picture needs, are calculated when they are read.  Numbers have an
  * index in (k, u, z, t).  Value references count from 1: structural sizes, numbers, settings; where they stand for whole
  * variables (see Options), these and the time replace the numbers.
- * A call that returns DISCARD or ERROR has reported why and has changed nothing. */
+ * A call that returns DISCARD or ERROR has reported why and has changed nothing; see core_told for WARNING. */
 #ifndef LIAISONS_CORE_H
 #define LIAISONS_CORE_H
 
@@ -53,11 +53,11 @@ typedef struct { /* a rate that constraints may change at the start, and its sta
     size_t start, rate;
 } StartRate;
 
-enum { NO_MISMATCH = -1 };
+enum { NOT_SHOWN = -1 };
 
 typedef struct { /* a prescribed coordinate: indices of its first of `count` numbers among the inputs */
     size_t value, rate, acceleration, count;
-    long mismatch; /* where m has what is found of them, or NO_MISMATCH */
+    long mismatch, derived; /* where m has what is found of them, and what is derived; or NOT_SHOWN */
 } Active;
 
 typedef struct { /* an energy account: where z has T + V, and y the work done and what is dissipated */
@@ -304,5 +304,7 @@ Status core_check_state(Instance *, const void *bytes, size_t size);
 
 /* Report a text and return its status. */
 Status core_report(const Instance *, Status status, const char *format, ...);
+/* What a call has to tell that returned WARNING, which it has not reported: text by text, then NULL. */
+const char *core_told(Instance *);
 
 #endif

@@ -7,9 +7,11 @@
 
 Status core_set_time(Instance *self, double time) {
     if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", core_spelled(time));
+    const int tells = time != self->s->time && self->s->phase == CONTINUOUS && self->prescribed.count > 0
+                      && core_watch(self); /* the inputs of the time before are complete now */
     self->s->time = time;
     self->known.current = 0;
-    return SUCCESS;
+    return tells ? WARNING : SUCCESS;
 }
 
 Status core_set_states(Instance *self, const double y[]) {

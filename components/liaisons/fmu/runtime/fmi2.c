@@ -218,7 +218,7 @@ fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real time, fmi2Real size, fmi2
     (void)no_way_back;
     ENTER(DoStep);
     Arrival arrival;
-    return (fmi2Status)core_step(core, time, size, &arrival);
+    return (fmi2Status)fmi_told(&fmu->common, core_step(core, time, size, &arrival));
 }
 
 fmi2Status fmi2CancelStep(fmi2Component instance) {

@@ -460,8 +460,8 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
         return (fmi3Status)core_report(core, ERROR, "step from t = %.15g to %.15g: the stop time is %.15g", time,
                                        time + size, fmu->stop);
     Arrival arrival;
-    const Status status = core_step(core, time, size, &arrival);
-    if (status != SUCCESS) {
+    const Status status = fmi_told(&fmu->common, core_step(core, time, size, &arrival));
+    if (status > WARNING) {
         *event_needed = *terminate = *early_return = fmi3False;
         *last_time = core_time(core);
         return (fmi3Status)status;
@@ -470,7 +470,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
     *terminate = fmi3False;
     *early_return = arrival.early != 0;
     *last_time = arrival.time;
-    return fmi3OK;
+    return (fmi3Status)status;
 }
 
 /* ---- model exchange ---------------------------------------------------------------------------------------- */

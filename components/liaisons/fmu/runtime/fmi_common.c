@@ -14,18 +14,29 @@ static const char *const CATEGORIES[] = {"", "logStatusWarning", "logStatusDisca
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
-/* Pass a message to the importer's logger, unless its category is off. */
-static void report(void *owner, Status status, const char *text) {
-    const FmiInstance *fmu = owner;
+/* Pass a message to the importer's logger. */
+static void log_text(const FmiInstance *fmu, Status status, const char *text) {
     char message[1024];
     size_t length = 0;
-    if (fmu->write == NULL || !((fmu->always | fmu->logged) & 1u << status)) return;
+    if (fmu->write == NULL) return;
     for (; *text && length + 2 < sizeof message; text++) {
         if (strchr(fmu->marks, *text)) message[length++] = *text;
         message[length++] = *text;
     }
     message[length] = '\0';
     fmu->write(fmu, status, CATEGORIES[status], message);
+}
+
+/* The same, unless its category is off. */
+static void report(void *owner, Status status, const char *text) {
+    const FmiInstance *fmu = owner;
+    if ((fmu->always | fmu->logged) & 1u << status) log_text(fmu, status, text);
+}
+
+Status fmi_told(const FmiInstance *fmu, Status status) {
+    const char *text;
+    while (status == WARNING && (text = core_told(fmu->core)) != NULL) log_text(fmu, status, text);
+    return status;
 }
 
 Status fmi_set_logging(FmiInstance *fmu, int on, size_t n, const char *const categories[]) {

@@ -27,6 +27,8 @@ void *fmi_instantiate(const FmiInstance *fmu, size_t size, const char *name, con
                       Options options, const char *function);
 void fmi_free_instance(FmiInstance *);
 Status fmi_reset(const FmiInstance *);
+/* The status of a call; what it has to tell with a warning is logged, whatever else is. */
+Status fmi_told(const FmiInstance *, Status);
 Status fmi_set_logging(FmiInstance *, int on, size_t n, const char *const categories[]);
 
 /* Report that a function must not be called in its phase, or in an instance of its kind; returns NULL. */

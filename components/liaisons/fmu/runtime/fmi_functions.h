@@ -113,7 +113,7 @@ STATUS FMI(CompletedIntegratorStep)(INSTANCE instance, BOOLEAN no_way_back, BOOL
 
 STATUS FMI(SetTime)(INSTANCE instance, double time) {
     ENTER(SetTime);
-    return (STATUS)core_set_time(core, time);
+    return (STATUS)fmi_told(&fmu->common, core_set_time(core, time));
 }
 
 /* A vector of as many numbers as there are states. */

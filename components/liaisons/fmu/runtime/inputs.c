@@ -42,14 +42,14 @@ static void differentiate(const double *c, double H, double *derivative) {
 }
 
 /* Coefficients of the quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
-static void interpolate(const double *u, const double *set, const Prescribed *at, double H, double *c) {
+static void interpolate(const double *u, const Prescribed *at, double H, double *c) {
     c[0] = u[at->value];
     c[1] = H * u[at->rate];
     c[2] = H * H * u[at->acceleration] / 2;
     /* what this parabola misses at the end */
-    const double value = set[at->value] - (c[0] + c[1] + c[2]);
-    const double rate = H * set[at->rate] - (c[1] + 2 * c[2]);
-    const double acceleration = H * H * set[at->acceleration] - 2 * c[2];
+    const double value = at->end[0] - (c[0] + c[1] + c[2]);
+    const double rate = H * at->end[1] - (c[1] + 2 * c[2]);
+    const double acceleration = H * H * at->end[2] - 2 * c[2];
     c[3] = 10 * value - 4 * rate + acceleration / 2;
     c[4] = -15 * value + 7 * rate - acceleration;
     c[5] = 6 * value - 3 * rate + acceleration / 2;
@@ -57,10 +57,9 @@ static void interpolate(const double *u, const double *set, const Prescribed *at
 
 /* Whether a prescribed coordinate rests during the step. */
 static int rests(const Instance *self, const Prescribed *at) {
-    const double *u = self->v.u, *set = self->v.set;
+    const double *u = self->v.u, *end = at->end;
     if (u[at->rate] != 0 || u[at->acceleration] != 0) return 0;
-    return self->s->reconstruction == EXTRAPOLATE
-           || (set[at->value] == u[at->value] && set[at->rate] == 0 && set[at->acceleration] == 0);
+    return self->s->reconstruction == EXTRAPOLATE || (end[0] == u[at->value] && end[1] == 0 && end[2] == 0);
 }
 
 /* The polynomial of an input, which is added to those that move, and constant, if it is none of them. */
@@ -78,7 +77,7 @@ static void reconstruct_active(Instance *self, const Prescribed *at, double H) {
     if (rests(self, at)) return;
     double *value = polynomial(self, at->value), *rate = polynomial(self, at->rate);
     if (self->s->reconstruction == INTERPOLATE && !at->leaps) {
-        interpolate(self->v.u, self->v.set, at, H, value);
+        interpolate(self->v.u, at, H, value);
     } else {
         value[1] = H * self->v.u[at->rate];
         value[2] = H * H * self->v.u[at->acceleration] / 2;

@@ -262,7 +262,7 @@ Status core_exit_initialization(Instance *self) {
 }
 
 void core_terminate(Instance *self) {
-    core_warn(self);
+    core_warn(self, 1);
     self->s->phase = TERMINATED;
 }
 

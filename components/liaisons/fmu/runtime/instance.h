@@ -25,21 +25,30 @@ typedef struct { /* an input that moves inside a step */
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
 } Mover;
 
+enum { EARLIER = 4 }; /* communication points before the present one that derivatives are derived from */
+enum { ACCELERATION = 1, RATE_AND_ACCELERATION }; /* what is derived of a prescribed number */
+
 typedef struct { /* of a prescribed number since the last communication point, or since events were handled */
     double value, rate, acceleration; /* at the start of the step */
     double size;                      /* of the step; 0: there was none */
     double followed;                  /* where its rate has led */
-    double went, time;                /* of the comparison that found a mismatch: what the rate said, and when */
+    double found, went, time;         /* the first mismatch, unless it is 0: what the rate said, and when */
+    double given[2];                  /* rate and acceleration at the last point, as they were set */
+    double still, turns, wrong;       /* steps without rates; with an acceleration that is wrong, by which part */
+    double told;                      /* 1: that derivatives are missing */
+    double points, times[EARLIER], values[EARLIER], rates[EARLIER]; /* the last ones, newest first */
 } Past;
 
 enum { PAST = sizeof(Past) / sizeof(double) }; /* numbers in one */
 
 typedef struct { /* a prescribed number: its indices among the inputs, and its state */
     size_t value, rate, acceleration;
-    double *mismatch; /* or NULL */
+    double *mismatch, *derived; /* or NULL */
     Past *past;
     char *warned;             /* of its variable */
-    int leaps;                /* in interpolation: at the end of the step, where its rates do not lead */
+    double end[3];            /* in interpolation: value, rate and acceleration at the end of the step */
+    int leaps;                /* and whether it jumps there, where its rates do not lead */
+    int tells;                /* that derivatives are missing, from this step on */
     double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
 } Prescribed;
 
@@ -240,7 +249,12 @@ void core_depart(Instance *);       /* a communication step begins */
 void core_arrive(Instance *);       /* and ends */
 void core_compare(Instance *);      /* what is prescribed now with what was at the start of the last step */
 int core_compare_ends(Instance *);  /* in interpolation: both ends of the step that begins; whether any of them leaps */
-void core_warn(Instance *);         /* of what has been found before the present step, once for each variable */
+void core_look(Instance *);         /* whether rates are missing in what was given; derive them */
+void core_derive(Instance *);       /* missing rates at the present time */
+void core_reach(Instance *);        /* the inputs at the end of a step that interpolates */
+int core_watch(Instance *);         /* in model exchange: whether it is to be told that rates are missing */
+int core_tell(Instance *);          /* whether rates begin to be missing in this step, which core_told tells */
+void core_warn(Instance *, int last); /* of what has been found before the present step, once for each variable */
 void core_leap(Instance *);         /* move the states along with jumps */
 
 /* Size of the copies of states that are put onto constraints. */

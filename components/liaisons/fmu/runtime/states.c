@@ -12,7 +12,7 @@ typedef struct { /* in front of the numbers */
     char guid[40];
 } Header;
 
-static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
+static const Header HEADER = {"liaison", 0x01020304, 3, 0, 0, ""};
 
 size_t core_state_size(const Instance *self) { return sizeof(Header) + self->layout.state_size; }
 
@@ -130,6 +130,15 @@ static const char *wrong_contact(const Model *model, const void *memory) {
     return NULL;
 }
 
+/* Whether a prescribed number can have this past. */
+static int past_exists(const Past *past) {
+    if (past->size < 0 || past->still < 0 || past->turns < 0 || (past->told != 0 && past->told != 1)) return 0;
+    if (!(past->points >= 0 && past->points <= EARLIER) || floor(past->points) != past->points) return 0;
+    for (size_t i = 1; i < (size_t)past->points; i++)
+        if (!(past->times[i] < past->times[i - 1])) return 0;
+    return 1;
+}
+
 /* What cannot be so among the vectors, or NULL. */
 static const char *wrong_vector(const Instance *self, const Scalars *s, const char *state) {
     const Model *model = self->model;
@@ -143,8 +152,13 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
     if (!finite_numbers(SAVED(past), self->prescribed.count * PAST))
         return "the past of an input";
     for (size_t i = 0; i < self->prescribed.count; i++) {
-        const size_t first = i * PAST;
-        if (number_at(SAVED(past), first + offsetof(Past, size) / sizeof(double)) < 0) return "the past of an input";
+        const double *derived = self->prescribed.list[i].derived;
+        Past past;
+        memcpy(&past, SAVED(past) + i * sizeof past, sizeof past);
+        if (!past_exists(&past)) return "the past of an input";
+        if (derived == NULL || !running) continue;
+        const double what = number_at(SAVED(m), (size_t)(derived - self->v.m));
+        if (what != 0 && what != ACCELERATION && what != RATE_AND_ACCELERATION) return "the past of an input";
     }
     if (!finite_numbers(SAVED(history), HISTORY * model->coupled)) return "the past of a state";
     if (!finite_numbers(SAVED(applied), model->impulses)) return "the sum of the impulses of an input";

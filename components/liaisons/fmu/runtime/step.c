@@ -197,7 +197,7 @@ static void leap_to_inputs(Instance *self) {
     const Model *model = self->model;
     evaluate(self, model->remember, self->s->time, self->v.y, self->d.m);
     memcpy(self->v.m, self->d.m, model->memory * sizeof *self->v.m);
-    memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
+    core_reach(self);
     core_jump(self);
 }
 
@@ -423,6 +423,7 @@ static int advance(Instance *self, double time, double size) {
         memcpy(self->v.u, self->v.set, inputs_size);
         self->s->jumped = 1;
     }
+    if (!interpolating) core_look(self);
     const int leaps = interpolating && core_compare_ends(self);
     if (!interpolating) core_compare(self);
     if (!core_take_impulses(self)) return 0;
@@ -442,7 +443,7 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->states > 0 && !move_states(self)) return 0;
     const int arrives = interpolating && self->step.reach == size;
     if (arrives && !leaps)
-        memcpy(self->v.u, self->v.set, inputs_size);
+        core_reach(self);
     else if (!move_inputs(self, self->step.reach)) {
         self->step.curable = movers_begin_well(self);
         return 0;
@@ -479,7 +480,7 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
         return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
     if (!(time + size > time))
         return core_report(self, ERROR, "step size = %g: it is too small to lead on from t = %.15g", size, time);
-    core_warn(self);
+    core_warn(self, 0);
     memcpy(self->step.backup, self->s, self->layout.moving_size);
     if (advance(self, time, size)) {
         self->step.discarded_from = NAN;
@@ -488,7 +489,7 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
             self->starts = NULL;
         }
         *arrival = (Arrival){self->s->time, self->step.reach < size, self->s->time == self->s->limit};
-        return SUCCESS;
+        return core_tell(self) ? WARNING : SUCCESS;
     }
     memcpy(self->s, self->step.backup, self->layout.moving_size);
     self->known.current = 0;

@@ -279,6 +279,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
         fresh |= replace(self->v.u, self->v.set, self->model->inputs);
         self->known.apart = 0;
     }
+    if (self->prescribed.count > 0 && self->s->phase == STEP && self->s->reconstruction == EXTRAPOLATE) core_derive(self);
     self->known.allowed = 0;
     if (self->s->phase < EVENT) self->s->unstarted = 1;
     if (fresh || self->model->sample != NULL) { /* a sample may wait for them */

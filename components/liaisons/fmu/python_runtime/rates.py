@@ -1,0 +1,66 @@
+"""Rates of prescribed coordinates that nobody gives, by the rules of ``prescribed.c``.
+
+Of each coordinate a state has a row of numbers: two counts of steps, the last rate and acceleration that were given,
+how many points are kept; then times, values and rates of these, newest first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+GIVEN = slice(2, 4)
+_STILL, _TURNS, _POINTS, _SERIES = 0, 1, 4, 5
+_SEVERAL, _STRAIGHT, _FAR, _NEAR = 3, 0.1, 5.0, 0.05
+
+
+def derived_numbers(row: NDArray, level: float, t: float, numbers: NDArray) -> tuple[NDArray, bool]:
+    """Value, rate and acceleration at t, with what is missing; whether the value, or the rate, has jumped.
+
+    :param level: 0 nothing, 1 acceleration, 2 rate and acceleration.
+    """
+    times, *series = row[_SERIES:].reshape(3, -1)[:, : int(row[_POINTS])]
+    if not level or not times.size:
+        return np.array([*numbers[: 3 - int(level)], *[0.0] * int(level)]), False
+    x, y, near = [0.0], [numbers[int(level == 1)]], _NEAR * (t - times[-1]) / times.size
+    for place, value in zip(times - t, series[int(level == 1)], strict=True):
+        if x[-1] - place > near:
+            x, y = [*x, place], [*y, value]
+    scale = x[-1] or 1.0
+    powers = np.vander(np.array(x) / scale, increasing=True)
+    if len(x) > 2:
+        led = np.linalg.solve(powers[1:, :-1], y[1:])[0]
+        if abs(y[0] - led) > _FAR * np.ptp([*y[1:], led]):
+            return np.array([*numbers[: 3 - int(level)], *[0.0] * int(level)]), True
+    _, slope, curvature, *_ = *np.linalg.solve(powers, y), 0.0, 0.0
+    rates = [slope / scale, 2 * curvature / scale**2]
+    return np.array([*numbers[: 3 - int(level)], *rates[: int(level)]]), False
+
+
+def remember(row: NDArray, level: float, t: float, numbers: NDArray) -> None:
+    """Remember a point, as the last one before the next."""
+    series = row[_SERIES:].reshape(3, -1)
+    if derived_numbers(row, level, t, numbers)[1]:
+        row[_POINTS] = 0
+    series[:, 1:] = series[:, :-1].copy()
+    series[:, 0] = t, *numbers[:2]
+    row[_POINTS] = min(row[_POINTS] + 1, series.shape[1])
+
+
+def missing_level(row: NDArray, level: float, H: float, value: float, end: NDArray) -> float:
+    """What is missing after a step of size H from a value to numbers: 0 nothing, 1 acceleration, 2 rate, too."""
+    rate, acceleration = row[GIVEN]
+    row[GIVEN] = end[1:]
+    if rate == acceleration == end[1] == end[2] == 0:
+        row[_TURNS] = 0
+        row[_STILL] = row[_STILL] + 1 if end[0] != value else row[_STILL] * (level > 1)
+        return 2.0 if row[_STILL] >= _SEVERAL else level * (level == 1)
+    change = end[1] - rate
+    straight = change != 0 and abs(end[0] - value - H * (rate + end[1]) / 2) <= _STRAIGHT * abs(H * change)
+    row[_STILL], row[_TURNS] = 0, (row[_TURNS] + 1) * straight
+    return float(acceleration == end[2] == 0 and (level == 1 or row[_TURNS] >= _SEVERAL))
+
+
+def may_miss_rates(row: NDArray) -> bool:
+    """Whether the value has changed without rates in the last step, and they are not yet known to be missing."""
+    return bool(row.size and row[_STILL])
