@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from making import FmuPaths, Trace, coupling_errors, described, wired
+from making import FmuPaths, Trace, coupling_errors, described, rewritten, wired
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import BPoly, PPoly
 
@@ -525,3 +525,29 @@ def test_adapted_steps_keep_the_tolerance_in_explicit_coupling(fmu: FmuPaths, to
     result = _ring(fmu, "Buffer").simulate(2.0, 0.1, error_tolerance=tolerance, coupling="gauss-seidel")
     error = np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time)))
     assert error <= tolerance * len(result.time)  # a tolerance a step
+
+
+def test_a_foreign_source_without_acceleration(component: FmuPaths, tmp_path: Path) -> None:
+    """The FMU derives the acceleration, and books the work along the polynomials that it is given: 0.056 J without."""
+    own = {b"input_reconstruction": b"held", b"x_dot": b"v", b"x_ddot": b"a"}
+
+    def foreign(name: str, data: bytes) -> tuple[str, bytes]:
+        for old, new in own.items() if name == "modelDescription.xml" else ():
+            data = data.replace(b'"%s"' % old, b'"%s"' % new)
+        return name.replace("terminalsAndIcons", "unknown"), data
+
+    starts = {"x_0": 0.3, "stiffness": 30.0}
+    links = ("cart.x -> pendulum.pivot_x", "cart.v -> pendulum.pivot_x_dot", "pendulum.pivot_x_force -> cart.x_load")
+    cart, pendulum = rewritten(component("Oscillator"), tmp_path / "Cart.fmu", foreign), component("Pendulum")
+    result = wired(*links, cart=(cart, starts), pendulum=pendulum).simulate(
+        stop_time=2, step_size=0.005, coupling="implicit"
+    )
+    whole = wired("cart.x -> pendulum.pivot_x", cart=(component("Oscillator"), starts), pendulum=pendulum)
+    expected = whole.simulate(stop_time=2, step_size=0.005)
+    assert any("pivot_x_ddot stays 0 while pivot_x_dot changes" in text for text in result.warnings)
+    assert np.abs(result["pendulum.energy_balance"]).max() <= 1e-7  # energies of 10 J, 400 steps of 1e-8 at most
+    late = slice(len(result.time) // 10, None)
+    force = "pendulum.pivot_x_force"
+    # Of the three steps before it is derived 0.15 m/s2 for 15 ms remains, and is coupled back.
+    assert_allclose(result[force][late], expected[force][late], rtol=0, atol=0.05)
+    assert np.abs(expected[force]).max() > 3

@@ -7,13 +7,13 @@ is the limit of an ever faster straight motion, where that has one: for the swin
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, MODEL_EXCHANGE, WARNING, Instance
+from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, WARNING, Instance
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
@@ -80,15 +80,24 @@ def test_a_jump_while_the_swing_moves_does_the_work_of_the_operator(library) -> 
     assert abs(instance["energy_balance"]) <= 1e-7
 
 
-@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE])
-def test_many_small_jumps_are_the_motion(library, mode: int) -> None:
-    """Without rates the posture goes in steps; each one lifts the swing, and together they are a fast motion."""
+@pytest.mark.parametrize(("mode", "each"), [(HOLD, 1), (EXTRAPOLATE, 2)])
+def test_many_small_jumps_are_the_motion(library, mode: int, each: int) -> None:
+    """Without rates the posture goes in steps; each one lifts the swing, and together they are a fast motion.
+
+    Where not each communication point has a jump: else rates are missing, and are derived.
+    """
     errors = []
     for steps in (50, 100, 200):
         instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-10, **SWING)
-        instance.follow(1 / steps, steps, lambda t: {"lean": LEAN + (0.2 - LEAN) * t}, ahead=True)
+        stairs = partial(stair, steps=steps, each=each)
+        instance.follow(1 / steps, steps, stairs, ahead=True)
         errors.append(abs(instance["theta"] - 0.3 - swing_lift(ROPE, 0.2)))
     assert max(errors) <= 1e-8  # p = 0: nothing but the lift moves it
+
+
+def stair(t: float, *, steps: int, each: int) -> dict[str, float]:
+    """The posture after so many steps of one; it changes with each so many."""
+    return {"lean": LEAN + (0.2 - LEAN) * each * round(t * steps // each) / steps}
 
 
 @pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE])
@@ -274,11 +283,11 @@ HONEST: dict[str, Motion] = {
     "parabolas": parabolas,
 }
 CONTRADICTORY: dict[str, tuple[Motion, float, str]] = {  # motion, largest mismatch, what the warning says
-    "wrong sign": (wrong, 0.06, "contradict each other"),
-    "rate alone": (lambda _: (1.0, 0.3, 0.0), -0.03, "contradict each other"),
-    "acceleration alone": (lambda _: (1.0, 0.0, 0.5), -0.0025, "contradict each other"),
+    "wrong sign": (wrong, 0.06, "contradict"),
+    "rate alone": (lambda _: (1.0, 0.3, 0.0), -0.03, "contradict"),
+    "acceleration alone": (lambda _: (1.0, 0.0, 0.5), -0.0025, "contradict"),
     "jump": (lambda t: (1.0 if t < 0.45 else 0.7, 0.0, 0.0), -0.3, "length jumps by -0.3 at t = 0.5"),
-    "no rate": (lambda t: (1 + 0.3 * t, 0.0, 0.0), 0.03, "length jumps by 0.03 at t = 0.1"),
+    "no rate": (lambda t: (1 + 0.3 * t, 0.0, 0.0), 0.03, "length_dot and length_ddot stay 0 while length changes"),
 }
 
 
@@ -287,7 +296,7 @@ def drive(instance: Instance, motion: Motion, mode: int) -> list[float]:
     found = []
     for i in range(10):
         instance.set(dict(zip(NAMES, motion((i + (mode == INTERPOLATE)) * 0.1), strict=True)))
-        instance.step(i * 0.1, 0.1)
+        instance.step(i * 0.1, 0.1, None)  # with a warning where rates are missing
         found.append(instance["length_mismatch"])
     return found
 
@@ -356,6 +365,164 @@ def test_steps_that_are_rolled_back_are_not_complained_about(library) -> None:
         assert instance.messages == []
 
 
+FACTORS: dict[str, tuple[tuple[float, float], str]] = {  # of rate and acceleration, and what is wrong then
+    "half rates": ((0.5, 0.5), "length contradicts length_dot and length_ddot: "),
+    "rates in degrees": ((57.3, 57.3), "length contradicts length_dot and length_ddot: "),
+    "rates of the other sign": ((-1, -1), "length contradicts length_dot and length_ddot: "),
+    "half rate": ((0.5, 1), "length_dot contradicts length and length_ddot: "),
+    "half rate, no acceleration": ((0.5, 0), "length, length_dot and length_ddot contradict each other: "),
+    "acceleration of the other sign": ((1, -1), "length_ddot contradicts length and length_dot: "),
+    "half acceleration": ((1, 0.5), "length_ddot contradicts length and length_dot: "),
+}
+
+
+@pytest.mark.parametrize("mode", [EXTRAPOLATE, INTERPOLATE])
+@pytest.mark.parametrize("name", FACTORS)
+def test_what_contradicts_is_named(library, mode: int, name: str) -> None:
+    """The mismatch is what the value goes beyond the parabola of the rates; for more than a half of a fine wave."""
+    (rate, acceleration), text = FACTORS[name]
+
+    def motion(t: float) -> tuple[float, float, float]:
+        return 1 + 0.1 * np.sin(t), rate * 0.1 * np.cos(t), -acceleration * 0.1 * np.sin(t)
+
+    start, H, found = dict(zip(NAMES, motion(0.0), strict=True)), 0.02, []
+    instance = library(Pendulum).start(options={"logging": True}, input_reconstruction=mode, **start)
+    for i in range(200):
+        instance.set(dict(zip(NAMES, motion((i + (mode == INTERPOLATE)) * H), strict=True)))
+        instance.step(i * H, H)
+        found.append(instance["length_mismatch"])
+        begin = (i - (mode == EXTRAPOLATE)) * H
+        (v_0, r, a), (v_1, _, _) = motion(begin), motion(begin + H)
+        if found[-1]:
+            assert found[-1] == pytest.approx(v_1 - v_0 - H * r - H**2 / 2 * a, rel=1e-6, abs=1e-14)  # 1e-5 of 1 m
+    assert np.count_nonzero(found) > 100
+    (message,) = warned(instance)
+    assert message.startswith(text)
+
+
+# ---- rates that nobody gives -------------------------------------------------------------------------------------
+
+
+def wavy(t: float) -> tuple[float, float, float]:
+    return 1 + 0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t)
+
+
+def given(count: int, t: float) -> dict[str, float]:
+    """The first so many of value, rate and acceleration."""
+    return dict(zip(NAMES[:count], wavy(t)[:count], strict=True))
+
+
+def used_rates(instance: Instance) -> tuple[float, float]:
+    """Rate and acceleration of the length, from the operator's force m (l'' - l θ'² - g cos θ) and its power."""
+    force, power, length, theta, rate = instance.get("length_force", "length_power", "bob_z", "theta", "theta_dot")
+    length = -length / np.cos(theta)
+    return power / force, force + length * rate**2 + 9.81 * np.cos(theta)
+
+
+def driven_by(instance: Instance, count: int, mode: int, sizes: Sequence[float], time: float = 0.0) -> list[int]:
+    """Step along the wave with the first so many of its numbers; the status of each step, and the inputs of its end."""
+    statuses = []
+    for size in sizes:
+        instance.set(given(count, time + size * (mode == INTERPOLATE)))
+        statuses.append(instance.step(time, size, None))
+        time += size
+    if mode == EXTRAPOLATE:
+        instance.set(given(count, time))
+    return statuses
+
+
+@pytest.mark.parametrize("mode", [EXTRAPOLATE, INTERPOLATE])
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("ratio", [1.0, 2.0])
+def test_derived_rates_have_their_order(library, target: str, mode: int, count: int, ratio: float) -> None:
+    """Polynomials through five points: of order 4 for a first derivative, 3 for a second one; by unequal steps, too."""
+    sizes, errors = (0.04, 0.02, 0.01), []
+    for size in sizes:
+        instance = library(Pendulum, target).start(input_reconstruction=mode, theta_0=0.5, **given(count, 0.0))
+        pair = [2 * size * part / (1 + ratio) for part in (ratio, 1.0)]
+        driven_by(instance, count, mode, pair * round(0.6 / size))
+        assert instance["length_derived"] == 3 - count
+        errors.append(np.abs(np.array(used_rates(instance)) - wavy(1.2)[1:]))
+    for order, error in zip((4, 3) if count == 1 else (4,), np.transpose(errors)[count - 1 :], strict=True):
+        assert np.polyfit(np.log(sizes), np.log(error), 1)[0] == pytest.approx(order, abs=0.35)  # of the next order
+
+
+@pytest.mark.parametrize("target", ["fmi2", "fmi3"])
+@pytest.mark.parametrize("mode", [EXTRAPOLATE, INTERPOLATE])
+def test_missing_rates_are_said_once_and_kept_in_the_state(library, target: str, mode: int) -> None:
+    """By a status, a message without any log, and a variable; a roll-back and another process go on to the bit."""
+    fmu, steps = library(Pendulum, target), [0.01] * 20
+    instance = fmu.start(input_reconstruction=mode, theta_0=0.5, **given(1, 0.0))
+    statuses = driven_by(instance, 1, mode, steps)
+    assert [i for i, status in enumerate(statuses) if status == WARNING] == [3 - (mode == INTERPOLATE)]
+    assert set(statuses) == {OK, WARNING}
+    (message,) = instance.messages
+    assert message.startswith("length_dot and length_ddot stay 0 while length changes, at t = ")
+    assert instance["length_derived"] == 2
+    saved, content, names = instance.save(), instance.serialize(), ("theta", "p_theta", "length_force", "work")
+    assert WARNING not in driven_by(instance, 1, mode, steps, 0.2)
+    expected = instance.get(*names)
+    instance.restore(saved)
+    driven_by(instance, 1, mode, steps, 0.2)
+    np.testing.assert_array_equal(instance.get(*names), expected)
+    other = fmu.restored(content)
+    assert WARNING not in driven_by(other, 1, mode, steps, 0.2)
+    np.testing.assert_array_equal(other.get(*names), expected)
+    driven_by(instance, 3, mode, [0.01], 0.4)  # rates come after all
+    assert instance["length_derived"] == 0
+    instance.do("Reset")
+    instance.initialize()
+    instance.exit_initialization()
+    assert driven_by(instance, 1, mode, steps).count(WARNING) == 1
+    instance.drop(saved)
+
+
+def test_a_motion_by_its_value_alone_is_near_that_by_its_rates(library, target: str) -> None:
+    """The first three steps hold the length, an error of second order; without derived rates it was of 30 % in λ."""
+    forces = []
+    for count in (1, 3):
+        instance = library(Pendulum, target).start(theta_0=0.5, **given(count, 0.0))
+        driven_by(instance, count, EXTRAPOLATE, [0.01] * 200)
+        forces.append(instance.get("theta", "length_force", "energy_balance"))
+    assert forces[0][2] == pytest.approx(0, abs=1e-9)  # energies of 10 J, to the tolerance of 1e-8 of the steps
+    np.testing.assert_allclose(forces[0][:2], forces[1][:2], rtol=0, atol=1e-3)  # 3 steps of 0.01 s at 0.3 m/s
+
+
+def test_a_jump_among_values_alone_is_not_smoothed(library, target: str) -> None:
+    """The polynomial is left at it: the rate is not that of a way of 0.3 m in 0.01 s."""
+    instance = library(Pendulum, target).start(tolerance=1e-10, theta_0=0.5, **given(1, 0.0))
+    driven_by(instance, 1, EXTRAPOLATE, [0.01] * 20)
+    momentum = instance["p_theta"]
+    for i in range(20, 40):
+        instance.set(length=given(1, i * 0.01)["length"] + 0.3)
+        instance.step(i * 0.01, 0.01, None)
+        assert abs(used_rates(instance)[0]) <= 0.4
+        if i == 20:
+            assert instance["p_theta"] == pytest.approx(momentum, abs=0.1)  # forces of 5 N.m for 0.01 s
+    assert used_rates(instance)[0] == pytest.approx(wavy(0.4)[1], abs=1e-3)  # found again, to what a parabola misses
+
+
+def test_hold_derives_nothing(library, target: str) -> None:
+    instance = library(Pendulum, target).start(input_reconstruction=HOLD, theta_0=0.5, **given(1, 0.0))
+    assert set(driven_by(instance, 1, HOLD, [0.01] * 20)) == {OK}
+    assert instance["length_derived"] == 0
+    assert instance.messages == []
+
+
+@pytest.mark.parametrize("target", ["fmi2", "fmi3"])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_model_exchange_says_what_is_missing(library, target: str, count: int) -> None:
+    instance = library(Pendulum, target).running(MODEL_EXCHANGE, theta_0=0.5, **given(count, 0.0))
+    statuses = []
+    for i in range(1, 20):
+        statuses.append(instance.call("SetTime", i * 0.01))
+        instance.set(given(count, i * 0.01))
+    assert statuses.count(WARNING) == len(instance.messages) == (count < 3)
+    assert instance["length_derived"] == 3 - count
+    assert used_rates(instance) == pytest.approx([*wavy(0.19)[1:count], *[0.0] * (3 - count)], abs=1e-9)  # roundings
+    assert ["model exchange" in message for message in instance.messages] == [True] * (count < 3)
+
+
 # ---- the account -------------------------------------------------------------------------------------------------
 
 RATES = {"consistent": (1, 1), "half": (0.5, 0), "other sign": (-1, -1), "acceleration's": (1, -1), "missing": (0, 0)}
@@ -390,7 +557,7 @@ def test_work_is_done_along_the_motion_that_is_integrated(library, mode: int, na
         instance = fmu.start(input_reconstruction=mode, tolerance=1e-10, **SOLVERS[solver], **inputs(0.0))
         for i in range(STEPS):
             instance.set(inputs((i + (mode == INTERPOLATE)) * SIZE))
-            instance.step(i * SIZE, SIZE)
+            instance.step(i * SIZE, SIZE, None)  # with a warning where rates are missing
             worst = max(worst, abs(instance["energy_balance"]))
         # Energies of 10 J, 40 steps with an error of 1e-10 each; equal steps miss more of wrong rates, interpolated.
         assert worst <= (1e-6 if solver == "symplectic" else 1e-8), rates

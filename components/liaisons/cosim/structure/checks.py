@@ -270,7 +270,7 @@ def check_input_sources(parts: Components, graph: ConnectionGraph) -> None:
             missing = [end for end in triple if end.reference not in fed and end.name not in parts[name].starts]
             if missing and parts[name].approximation.method != 0:
                 logger.warning(
-                    "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",
+                    "%s.%s is fed, but %s is not and has to be derived: connect the whole port, or set %s=0 (hold)",
                     name,
                     variable,
                     missing[0],

@@ -45,7 +45,8 @@ _HERMITE = (
 _TRIPLE = (
     "The three inputs of a prescribed coordinate belong together: s_dot is the rate of s, s_ddot that of s_dot. Model "
     "exchange takes them as they are, so that all three have to be set. Co-simulation warns in the log, once for each "
-    "coordinate, where they contradict each other by more than the step explains; s_mismatch says by how much."
+    "coordinate, where they contradict each other by more than the step explains; s_mismatch says by how much. Rates "
+    "that stay 0 while s changes it derives from the values at communication points, and says so; s_derived says which."
 )
 _LIMIT = (
     "from one communication point to the next is taken as the limit of an ever faster straight motion, whatever "

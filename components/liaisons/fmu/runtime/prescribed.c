@@ -334,13 +334,15 @@ void core_warn(Instance *self, int last) {
     const size_t first = self->model->parameters;
     FOR_EACH(p) {
         const Past *past = p->past;
-        const int pending = past->still > 0 && !last; /* a rate may be missing */
-        if (p->mismatch == NULL || past->found == 0 || *p->warned || pending) continue;
+        const int jumps = fabs(past->found) > FAR * past->went;
+        /* A rate may be missing; which one is wrong is not known yet. */
+        const int pending = past->still > 0 || (!jumps && (past->points < 2 || (past->turns > 0 && past->turns < SEVERAL)));
+        if (p->mismatch == NULL || past->found == 0 || *p->warned || (pending && !last)) continue;
         char names[3][NAME];
         const size_t indices[] = {p->value, p->rate, p->acceleration};
         for (int i = 0; i < 3; i++) strcpy(names[i], core_name(self, first + indices[i]));
         const int odd = last ? -1 : odd_one(self, p);
-        if (fabs(past->found) > FAR * past->went)
+        if (jumps)
             core_report(self, WARNING, "%s jumps by %.6g at t = %.9g, of which %s and %s say nothing: %s", names[0],
                         past->found, past->time, names[1], names[2], treatment(self, p));
         else if (odd < 0)
