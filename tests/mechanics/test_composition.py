@@ -131,6 +131,7 @@ def test_names_of_the_parts_stand_before_everything_and_the_longest_experiment_i
         "a.energy_start",
         "a.energy_booked",
         "a.support_mismatch",
+        "a.support_derived",
         "b.energy_start",
         "b.energy_booked",
     )
