@@ -12,7 +12,7 @@ typedef struct { /* in front of the numbers */
     char guid[40];
 } Header;
 
-static const Header HEADER = {"liaison", 0x01020304, 3, 0, 0, ""};
+static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
 
 size_t core_state_size(const Instance *self) { return sizeof(Header) + self->layout.state_size; }
 
