@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hostile import (
+    SPACES,
     UNITS,
     binding,
     bound,
@@ -119,6 +120,72 @@ def test_units_are_converted(archive: Archive, caplog: pytest.LogCaptureFixture)
     assert "has no variable 'nothing'" in caplog.text
     kelvin = archive(elements(component("spring", "Spring", bound(real("length", 1, unit="degC")))))
     assert "spring.length = 1.0: the unit of the parameter is of another kind" in _message(kelvin)
+
+
+def typed(name: str, kind: str, unit: str) -> str:
+    """A connector with a unit."""
+    return f'<Connector name="{name}" kind="{kind}"><c:Real unit="{unit}"/></Connector>'
+
+
+TYPED = "<Connectors>{}</Connectors>"
+METRES = '<c:Unit name="metre"><c:BaseUnit m="1"/></c:Unit>'
+BUS = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
+DICTIONARY = f'<b:SignalDictionary xmlns:b="{BUS}" {SPACES} version="1.0">{{}}</b:SignalDictionary>'
+ENTRY = '<b:Signals><b:DictionaryEntry name="signal"><c:Real unit="mm"/></b:DictionaryEntry></b:Signals>'
+
+
+def test_units_of_signal_dictionaries_and_of_connectors_convert(archive: Archive) -> None:
+    """Spring.length is in m; what is in mm before it is a thousandth, wherever the unit stands."""
+    content = DICTIONARY.format(f"{ENTRY}<b:Units>{UNITS}</b:Units>")
+    reference = '<SignalDictionaryReference name="bus" dictionary="bus"/>'
+    links = connections(connected("bus.signal", "spring.length"), connected("source.y", "bus.signal"))
+    parts = elements(component("source", "Cubic"), component("spring", "Spring"), reference)
+    dictionaries = '<SignalDictionaries><SignalDictionary name="bus"{}</SignalDictionaries>'
+    inline, outside = f">{content}</SignalDictionary>", ' source="resources/bus.ssb"/>'
+    for place in (inline, outside):
+        path = archive(parts + links + dictionaries.format(place), **{"bus.ssb": content})
+        (connection,) = System.from_ssp(path).connections
+        assert connection.conversion == pytest.approx((1e-3, 0.0), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (
+            elements(component("spring", "Spring", TYPED.format(typed("length", "input", "mm")))),
+            ["spring.length has the unit 'mm', but 'm' in its FMU"],
+        ),
+        (
+            elements(component("spring", "Spring", TYPED.format(typed("length", "input", "ell")))),
+            ["spring.length has the unit 'ell', which has no definition"],
+        ),
+        (TYPED.format(typed("total", "output", "ell")), ["total has the unit 'ell', which has no definition"]),
+        (
+            elements(component("spring", "Spring", bound(real("length", 2, unit="ell")))),
+            ["spring.length = 2.0 ell: this unit has no definition"],
+        ),
+    ],
+)
+def test_units_that_are_not_defined_or_not_those_of_the_fmu_are_refused(
+    archive: Archive, system: str, words: list[str]
+) -> None:
+    message = _message(archive(system, f"<Units>{UNITS}{METRES}</Units>"))
+    assert all(word in message for word in words), message
+
+
+def test_units_of_other_names_and_of_the_fmu_itself_are_taken(archive: Archive) -> None:
+    for unit in ("metre", "m"):
+        spring = component(
+            "spring", "Spring", TYPED.format(typed("length", "input", unit)) + bound(real("length", 2, unit="m"))
+        )
+        system = System.from_ssp(archive(elements(spring), f"<Units>{METRES}</Units>"))
+        assert system.parts["spring"].starts == {"length": 2.0}
+
+
+def test_the_experiment_of_an_archive_is_simulated(archive: Archive) -> None:
+    path = archive(elements(component("source", "Cubic")), '<DefaultExperiment startTime="0.5" stopTime="1.25"/>')
+    run = System.from_ssp(path).simulate(step_size=0.25)
+    assert_array_equal(run.time, [0.5, 0.75, 1.0, 1.25])
 
 
 def test_percent_encoded_sources_and_empty_element_names(archive: Archive, fmu: FmuPaths) -> None:

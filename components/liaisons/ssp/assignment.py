@@ -16,8 +16,8 @@ from liaisons.ssp.xml import child_path, tag, unit_definitions
 Number = float | int | bool | str
 
 
-Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
-"""Values of a parameter (several: an array), and their unit, if defined."""
+Quantity = tuple[tuple[Number, ...], UnitDefinition | str | None]
+"""Values of a parameter (several: an array), and their unit; its name where the set does not define it."""
 
 
 def parameter_quantities(parameter_set: Element) -> list[tuple[str, Quantity]]:
@@ -27,10 +27,11 @@ def parameter_quantities(parameter_set: Element) -> list[tuple[str, Quantity]]:
     """
     defined = unit_definitions(parameter_set, "ssv:Units")
     return [
-        (name, (_parameter_values(name, element), defined.get(element.get("unit", ""))))
+        (name, (_parameter_values(name, element), defined.get(unit, unit or None)))
         for parameter in parameter_set.iterfind(child_path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
+        for unit in [element.get("unit", "")]
     ]
 
 
@@ -59,6 +60,13 @@ def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) 
     """
     entry = fmu.variables.entry(variable)
     scalar, (values, unit) = entry.prototype, quantity
+    if isinstance(unit, str):  # not defined in the set: of this name in the FMU
+        if unit not in fmu.units and unit != scalar.unit:
+            raise SimulationError(
+                f"{owner}.{variable} = {values[0]!r} {unit}: this unit has no definition; add it to the parameter "
+                "set's Units"
+            )
+        unit = fmu.units.get(unit)
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):

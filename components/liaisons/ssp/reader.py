@@ -9,6 +9,7 @@ import io
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar, final
 from urllib.parse import unquote
@@ -17,6 +18,7 @@ from xml.etree.ElementTree import Element
 from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import temporary_folder
+from liaisons.base.unit_definitions import SAME, UnitDefinition
 from liaisons.base.xml_documents import read_tree
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
@@ -27,7 +29,7 @@ from liaisons.cosim.structure.connections import Connection, scalar_connection
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.ssp.assignment import Quantity, mapped_parameters, parameter_quantities, value_for_variable
 from liaisons.ssp.experiment import read_experiment
-from liaisons.ssp.structure import ElementPath, Pin, Structure, read_structure
+from liaisons.ssp.structure import Connector, ElementPath, Pin, Structure, read_structure
 from liaisons.ssp.xml import STRUCTURE, child_path, tag, with_declared_prefixes
 
 _VERSIONS = ("1.0", "2.0")
@@ -113,10 +115,11 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
     if root.get("version") not in _VERSIONS:
         raise SimulationError(f"SSP version {root.get('version')!r} is not known; known: {', '.join(_VERSIONS)}")
     try:
-        structure, experiment = read_structure(root), read_experiment(root)
+        structure, experiment = read_structure(root, partial(_dictionary_root, archive)), read_experiment(root)
     except ValueError as error:
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpack(archive, structure, directory)
+    units = _connector_units(structure, fmus)
     starts = _start_values(archive, structure, fmus)
     owners = {_component_name(component): component for component in fmus}
     for name, value in further.items():
@@ -132,7 +135,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         component: system.add(_component_name(component), fmu.path, start_values=starts[component])
         for component, fmu in fmus.items()
     }
-    system.join(_connections(structure, parts))
+    system.join(_connections(structure, parts, units))
     system.experiment = system.defaults = experiment
     return system
 
@@ -206,8 +209,48 @@ def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) 
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
-def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]) -> list[Connection]:
-    """Connections of components, from scalar to scalar."""
+def _dictionary_root(archive: Archive, source: str, owner: str) -> Element | None:
+    """Root element of a signal dictionary in the archive; None if its file is missing, which is said."""
+    if str(PurePosixPath(unquote(source))) not in archive.names:
+        logger.warning("%s: %s is to be in %r, which is missing; its units are unknown", archive.path, owner, source)
+        return None
+    return _xml_root(archive, source, owner, "ssb:SignalDictionary")
+
+
+def _connector_units(structure: Structure, fmus: Mapping[ElementPath, Fmu]) -> dict[Connector, UnitDefinition]:
+    """Units of connectors of components that their FMUs leave open.
+
+    :raises SimulationError: for a unit that is not that of the FMU, or has no definition.
+    """
+    open_units: dict[Connector, UnitDefinition] = {}
+    for (component, name), (unit, definition) in structure.declared.items():
+        fmu = fmus[component]
+        if name not in fmu.variables and name not in fmu.arrays:
+            continue  # a connection to it is refused
+        own = fmu.variables.entry(name).prototype.unit
+        known = fmu.units.get(own)
+        if definition is None and unit != own:
+            raise SimulationError(
+                f"{'.'.join((*component, name))} has the unit {unit!r}, which has no definition; add it to Units"
+            )
+        if definition is not None and known is not None:
+            if definition.exponents != known.exponents or definition.conversion_to(known) != SAME:
+                raise SimulationError(
+                    f"{'.'.join((*component, name))} has the unit {unit!r}, but {own!r} in its FMU; give it "
+                    "that of its FMU, so that connections convert"
+                )
+        elif definition is not None:
+            open_units[component, name] = definition
+    return open_units
+
+
+def _connections(
+    structure: Structure, parts: dict[ElementPath, SystemComponent], units: Mapping[Connector, UnitDefinition]
+) -> list[Connection]:
+    """Connections of components, from scalar to scalar.
+
+    :param units: of connectors that have none in their FMUs.
+    """
     joined: list[Connection] = []
     for chain in structure.connection_chains():
         start, end = chain[0].start, chain[-1].end
@@ -217,7 +260,11 @@ def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]
                 words = "they cannot be connected as a whole"
                 raise ConnectError(f"{start} has {len(sources)} elements, {end} has {len(targets)}: {words}")
             joined += [
-                scalar_connection(source, target, structure.conversion(chain, source.unit, target.unit))
+                scalar_connection(
+                    source,
+                    target,
+                    structure.conversion(chain, source.unit or units.get(start[:2]), target.unit or units.get(end[:2])),
+                )
                 for source, target in zip(sources, targets, strict=True)
             ]
         except ConnectError as error:

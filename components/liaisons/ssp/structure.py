@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, final
@@ -58,7 +58,8 @@ class Structure:
 
     :param sources: component -> path of its FMU in the archive.
     :param bindings: parameter bindings of components and systems, in ascending priority.
-    :param shown: connectors of systems, with their units if specified.
+    :param shown: connectors of systems and entries of signal dictionaries, with their units if specified.
+    :param declared: units of connectors of components by name, with their definitions in the structure, if any.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Structure:
     bindings: list[tuple[ElementPath, Element]] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     shown: dict[Connector, UnitDefinition | None] = field(default_factory=dict)
+    declared: dict[Connector, tuple[str, UnitDefinition | None]] = field(default_factory=dict)
 
     def connection_chains(self) -> Iterator[list[Edge]]:
         """Yield chains of edges from component to component through connectors of systems.
@@ -171,16 +173,18 @@ def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[Connector, list[Edge
     return grouped
 
 
-def read_structure(root: Element) -> Structure:
+def read_structure(root: Element, dictionary_root: Callable[[str, str], Element | None]) -> Structure:
     """Flattened system in a system structure description.
 
+    :param dictionary_root: takes the source of a signal dictionary and a label, and returns its root, None if the file
+        is missing.
     :raises SimulationError: for elements that cannot be simulated here.
     """
     system = root.find(tag("ssd:System"))
     if system is None:
         raise SimulationError("its structure has no System")
     structure = Structure(root.get("name") or system.get("name") or "system")
-    reader = _Reader(structure, unit_definitions(root, "ssd:Units"))
+    reader = _Reader(structure, unit_definitions(root, "ssd:Units"), dictionary_root)
     reader.read_system(system, (), {})
     structure.bindings.sort(key=lambda binding: -len(binding[0]))  # outer bindings have priority
     return structure
@@ -196,6 +200,7 @@ class _Reader:
 
     structure: Structure
     units: Mapping[str, UnitDefinition]
+    dictionary_root: Callable[[str, str], Element | None]
     kinds: dict[Connector, str] = field(default_factory=dict)
 
     def read_system(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
@@ -203,8 +208,10 @@ class _Reader:
         structure = self.structure
         structure.bindings.extend((parent, binding) for binding in system.iterfind(_BINDINGS))
         structure.shown.update(
-            {(parent, name): self.units.get(unit) for name, unit in self._store_connectors(system, parent)}
+            {(parent, name): self._unit(parent, name, unit) for name, unit in self._store_connectors(system, parent)}
         )
+        for dictionary in system.iterfind(_DICTIONARIES):
+            self._store_entries(dictionary, parent)
         own = {d.get("name", ""): (*parent, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
         dictionaries = dictionaries | own
         inside: dict[str, ElementPath] = {}
@@ -218,7 +225,10 @@ class _Reader:
                 if len(structure.sources) > _MOST_COMPONENTS:
                     raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
                 structure.bindings.extend((inside[name], binding) for binding in element.iterfind(_BINDINGS))
-                self._store_connectors(element, inside[name])
+                units = dict(self._store_connectors(element, inside[name])).items()
+                structure.declared.update(
+                    {(inside[name], c): (unit, self.units.get(unit)) for c, unit in units if unit}
+                )
             elif element.tag == tag("ssd:System"):
                 self.read_system(element, inside[name], dictionaries)
             elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
@@ -226,8 +236,47 @@ class _Reader:
                 if dictionary not in dictionaries:
                     raise SimulationError(f"{name} refers to a signal dictionary {dictionary!r}, which is not there")
                 inside[name] = dictionaries[dictionary]
+                self._store_reference(element, inside[name])
         for connection in system.iterfind(child_path("ssd:Connections", "ssd:Connection")):
             structure.edges.append(self._edge(connection, parent, inside))
+
+    def _unit(
+        self, owner: ElementPath, name: str, unit: str, units: Mapping[str, UnitDefinition] | None = None
+    ) -> UnitDefinition | None:
+        """Definition of the unit of a connector, None without one; a SimulationError where it has no definition."""
+        defined = self.units if units is None else units
+        if unit and unit not in defined:
+            label = ".".join((*owner, name))
+            raise SimulationError(f"{label} has the unit {unit!r}, which has no definition; add it to Units")
+        return defined.get(unit)
+
+    def _store_entries(self, dictionary: Element, parent: ElementPath) -> None:
+        """Store the entries of a signal dictionary with their units."""
+        label, source = dictionary.get("name", ""), dictionary.get("source")
+        root = dictionary.find(tag("ssb:SignalDictionary"))
+        if source is not None:
+            root = self.dictionary_root(source, f"the signal dictionary {label}")
+        if root is None:
+            return
+        owner, units = (*parent, f"[{label}]"), unit_definitions(root, "ssb:Units")
+        for entry in root.iterfind(child_path("ssb:Signals", "ssb:DictionaryEntry")):
+            unit = next((unit for child in entry if (unit := child.get("unit"))), "")
+            name = _required(entry, "name")
+            self._store_unit(owner, name, self._unit(owner, name, unit, units))
+
+    def _store_reference(self, reference: Element, owner: ElementPath) -> None:
+        """Store the units of the connectors of a reference to a signal dictionary."""
+        for connector in reference.iterfind(child_path("ssd:Connectors", "ssd:Connector")):
+            unit = next((unit for child in connector if (unit := child.get("unit"))), "")
+            name = _required(connector, "name")
+            self._store_unit(owner, name, self._unit(owner, name, unit))
+
+    def _store_unit(self, owner: ElementPath, name: str, unit: UnitDefinition | None) -> None:
+        """Store the unit of an entry of a signal dictionary; a SimulationError for two different ones."""
+        known = self.structure.shown.get((owner, name))
+        if known is not None and unit is not None and known != unit:
+            raise SimulationError(f"{'.'.join((*owner, name))} has two different units; give it one")
+        self.structure.shown[owner, name] = unit or known
 
     def _store_connectors(self, element: Element, element_path: ElementPath) -> list[tuple[str, str]]:
         """Store the kinds of an element's connectors; return their names and units."""
