@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,10 +12,13 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 from liaisons.base.project import ProjectError, declared_components
-from liaisons.library import catalogue, fmu_path
+from liaisons.library import catalogue, catalogue_names, fmu_path
 
-from .conftest import Cli, Runs, is_misuse
+from .conftest import COMMAND, Cli, Runs, is_misuse
 from .documents import ROOT
+
+NOT_IN_PYTHON = {"BallRow", "BeadOnSphere", "BouncingBall", "DryOscillator", "Pid", "Regulator", "StringPendulum"}
+"""Components with contacts, and those that take samples."""
 
 
 @pytest.mark.parametrize(("backend", "file"), [("native", "Bead.fmu"), ("python", "python/Bead.fmu")])
@@ -48,10 +52,11 @@ def test_what_a_back_end_cannot_do_is_left_out_with_a_line_at_the_end(
     liaisons: Cli, declare: Callable[[str], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 2)
-    declare('components = ["Constant", "DryOscillator", "Ramp", "BouncingBall"]')
+    declare('components = ["Constant", "DryOscillator", "Pid", "Ramp", "BouncingBall"]')
     reply = liaisons("build", "--backend", "python")
     assert (reply.status, reply.out) == (0, "fmus/python/Constant.fmu\nfmus/python/Ramp.fmu\n".replace("/", os.sep))
-    dry, ball = reply.err.splitlines()
+    dry, pid, ball = reply.err.splitlines()
+    assert pid == "left out: Pid: FMUs in Python take no samples; take backend='native'"
     assert dry.startswith("left out: DryOscillator: the Python back end takes no unilateral liaisons and no dry")
     assert dry.endswith("(slip); take backend='native'")
     assert "BouncingBall" in ball
@@ -157,9 +162,38 @@ def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get
 def test_a_component_of_ones_own_does_not_take_the_place_of_another(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
     own = tmp_path / "own.py"
     own.write_text(bead.read_text().replace("class Bead", "class Constant").replace("class Parabola", "class Square"))
+    assert liaisons("build", "Constant", "--backend", "python").status == 0
     assert is_misuse(liaisons("build", own), "own.py:Constant", "the catalogue's component of this name", "rename")
+    (tmp_path / "fmus/python/Constant.fmu").unlink()
     other = tmp_path / "other.py"
     other.write_text(bead.read_text())
     assert is_misuse(liaisons("build", bead, other, "--output", "out"), "other.py:Bead", "FMU of", "bead.py:Bead")
     assert list(tmp_path.rglob("*.fmu")) == []
     assert liaisons("build", f"{own}:Constant", "--backend", "python", "--output", "out").status == 0
+
+
+def test_in_an_empty_folder_ones_own_component_takes_the_name(bead: Path, tmp_path: Path) -> None:
+    """In processes of their own, in which nothing is reserved; built once more it is the same."""
+    own = tmp_path / "own.py"
+    own.write_text(bead.read_text().replace("class Bead", "class Constant").replace("class Parabola", "class Square"))
+    command = [*COMMAND, "build", f"{own}:Constant", "--backend", "python"]
+    for _ in range(2):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert (
+            "own.py:Constant: the bare name Constant is the catalogue's; this one is meant by its file" in done.stderr
+        )
+    assert b"free of forces" in zipfile.ZipFile(tmp_path / "fmus/python/Constant.fmu").read("modelDescription.xml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("backend", "left_out"), [("python", NOT_IN_PYTHON), ("native", set())])
+def test_the_whole_catalogue_is_built_or_left_out_by_name(
+    liaisons: Cli, tmp_path: Path, backend: str, left_out: set[str]
+) -> None:
+    """With the Python back end as on a machine without a compiler."""
+    reply = liaisons("build", "--backend", backend)
+    assert reply.status == 0
+    assert {line.split(": ")[1] for line in reply.err.splitlines() if line.startswith("left out: ")} == left_out
+    built = reply.out.splitlines()
+    assert {Path(line).stem for line in built} == catalogue_names() - left_out
+    assert all((tmp_path / line).is_file() for line in built)

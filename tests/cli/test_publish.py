@@ -184,10 +184,26 @@ def test_equal_names_of_two_packages_are_told_apart(install: Install, liaisons: 
     assert "warning: package second: its Bead is second:Bead; others have this name\n" in reply.err
 
 
+def test_a_broken_package_is_named_and_left_out(install: Install, liaisons: Cli, tmp_path: Path) -> None:
+    install("leaves", {"Leaves": "leaves:Leaves"}, "import sys\nsys.exit(3)\n")
+    install("broken", {}, "")
+    (tmp_path / "site-packages/broken-1.0.dist-info/entry_points.txt").write_text("[liaisons.components]\nno value\n")
+    install("sound", {"Sound": "sound:Sound"}, LINE.format(name="Sound", module="sound"))
+    reply = liaisons("list")
+    assert reply.status == 0
+    assert "Pendulum" in reply.out
+    assert "One of sound" in reply.out
+    left_out = "package leaves: the entry point Leaves = 'leaves:Leaves' cannot be loaded: SystemExit: 3"
+    assert f"left out: {left_out}" in reply.err
+    assert "package broken: left out: its entry_points.txt is broken" in reply.err
+    assert is_misuse(liaisons("build", "Leaves"), left_out)
+
+
 def test_the_catalogue_keeps_its_names(install: Install, liaisons: Cli, runs: Runs) -> None:
     install("other", {"Pendulum": "other:Pendulum"}, LINE.format(name="Pendulum", module="other"))
     assert "pivot" in runs("list", "Pendulum")
     assert "One of other" in runs("list", "other:Pendulum")
+    runs("build", "Pendulum", "--backend", "python")
     assert is_misuse(liaisons("build", "other:Pendulum"), "other.py:Pendulum", "rename the class")
     assert "package other: its Pendulum is other:Pendulum; others have this name" in liaisons("list").err
 

@@ -56,6 +56,21 @@ def test_a_claim_that_fails_gives_status_1(liaisons: Cli, tmp_path: Path, error:
     assert (tmp_path / "elsewhere" / "arithmetic.png").is_file()
 
 
+def test_modules_beside_a_scenario_are_found_each_its_own(runs: Runs, liaisons: Cli, tmp_path: Path) -> None:
+    """Two folders have a module of one name; a file called as one of Python's does not take its place."""
+    for folder, error in (("one", "1e-4"), ("two", "2e-4")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "beside.py").write_text(f"error = {error}\n")
+        (tmp_path / folder / "json.py").write_text("raise RuntimeError\n")
+        text = SCENARIO.replace("ERROR", "error").replace("from liaisons", "from beside import error\nfrom liaisons")
+        (tmp_path / folder / f"{folder}.py").write_text(text)
+    out = runs("run", "one/one.py", "two/two.py", "one/one.py")
+    errors = [line.split()[-3] for line in out.splitlines() if "and so on" in line]
+    assert errors == ["0.0001", "0.0002", "0.0001"]
+    (tmp_path / "leaves.py").write_text("import sys\nsys.exit(3)\n")
+    assert is_misuse(liaisons("run", "leaves.py"), "leaves.py:2: SystemExit: 3")
+
+
 def test_a_theme(liaisons: Cli, tmp_path: Path) -> None:
     (tmp_path / "scenarios").mkdir()
     write(tmp_path / "scenarios" / "first.py")

@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib.metadata import Distribution, EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, distributions
 from importlib.util import find_spec
 from pathlib import Path
 
+from liaisons.base.logs import logger
 from liaisons.errors import LiaisonsError, ProjectError
 
 GROUP = "liaisons.components"
@@ -19,8 +20,16 @@ GROUP = "liaisons.components"
 def published_components() -> dict[str, dict[str, EntryPoint]]:
     """Entry points by name of the package, then by name of the component; no package is imported."""
     packages: dict[str, dict[str, EntryPoint]] = {}
-    for entry in entry_points(group=GROUP):
-        packages.setdefault(entry.dist.name if entry.dist else "", {})[entry.name] = entry
+    found = {str(distribution.metadata["Name"]): distribution for distribution in [*distributions()][::-1]}
+    for package, distribution in found.items():  # of several of one name the first on the path
+        try:
+            entries = distribution.entry_points.select(group=GROUP)
+        except Exception as error:  # noqa: BLE001 - of whatever is wrong with another's file
+            reason = f"{type(error).__name__}: {error}"
+            logger.warning("package %s: left out: its entry_points.txt is broken: %s", package, reason)
+            continue
+        for entry in entries:
+            packages.setdefault(package, {})[entry.name] = entry
     return dict(sorted(packages.items()))
 
 
@@ -47,7 +56,7 @@ def load_published_component(name: str) -> tuple[str, object]:
     label = f"package {package}: the entry point {entry.name} = {entry.value!r}"
     try:
         return label, entry.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         reason = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
         raise ProjectError(f"{label} cannot be loaded: {reason}") from error
 

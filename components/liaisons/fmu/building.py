@@ -52,7 +52,7 @@ def build(model: Model, settings: BuildSettings) -> Path:
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if model.sample and backend == "python":
-        raise BuildError(f"{model.name}: FMUs in Python take no samples; take backend='native'")
+        raise BackEndError(f"{model.name}: FMUs in Python take no samples; {_native_remedy()}")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
     if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
@@ -109,16 +109,18 @@ def _build_python(model: Model, output: Path) -> Path:
     """Build an FMU in Python, unless the file is up to date."""
     from liaisons.fmu.python_backend import python_members
 
-    remedy = (
-        "take backend='native'" if system_compiler() or zig_compiler() else f"native FMUs take them: {INSTALLATION}"
-    )
-    refuse_contacts(model, "the Python back end", remedy, BackEndError)
+    refuse_contacts(model, "the Python back end", _native_remedy(), BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
     members = _with_guid_and_provenance(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
         write_archive(path, members | icon_members(flat, "2"))
     return path
+
+
+def _native_remedy() -> str:
+    """What to do for a model that the Python back end does not take."""
+    return "take backend='native'" if system_compiler() or zig_compiler() else f"native FMUs take them: {INSTALLATION}"
 
 
 def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[str, bytes]:

@@ -9,11 +9,13 @@ from __future__ import annotations
 import os
 from datetime import UTC, datetime
 from importlib import metadata
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from liaisons.base.published import publishing_package
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
+from liaisons.fmu.archive import read_member
 from liaisons.mechanics.model import Model
 
 _EPOCH = "SOURCE_DATE_EPOCH"
@@ -44,6 +46,13 @@ def with_provenance(description: bytes, model: Model) -> bytes:
     """Return a model description with the attributes of :func:`provenance` added."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
+
+
+def is_of_catalogue(fmu: Path) -> bool:
+    """Whether a file is an FMU of a component of liaisons, not of a class of the same name."""
+    about = metadata.distribution("liaisons").metadata.json
+    author = quoteattr(str(about.get("author") or about.get("author_email")))
+    return f" author={author}".encode() in (read_member(fmu, "modelDescription.xml") or b"")
 
 
 def _source_date() -> str:

@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 from liaisons.base.archive import file_identity
 from liaisons.base.arguments import check_integer, shown, with_settings
 from liaisons.base.compiler import Backend, BuildSettings
+from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published_component, published_components, publishers
 from liaisons.errors import LiaisonsError, suggestion
@@ -276,8 +277,8 @@ def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
 def reserve_fmu(component: type[Component], folder: Path | str) -> None:
     """Reserve the name of an FMU in a folder for a component; raise if it is that of another one.
 
-    In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
-    name.  One that was edited, or defined once more in a notebook, is still the same.
+    In ``fmus/`` an FMU of the catalogue is not replaced; in any folder, a process builds one component of a name.  One
+    that was edited, or defined once more in a notebook, is still the same.
 
     :raises ProjectError: if it is reserved for another component.
     """
@@ -292,9 +293,13 @@ def reserve_fmu(component: type[Component], folder: Path | str) -> None:
 
 
 def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
-    """Raise a ProjectError if a folder is that of the catalogue, to which a name belongs."""
+    """Raise a ProjectError if a folder is that of the catalogue, and has its FMU; else say what the bare name is."""
+    from liaisons.fmu import is_of_catalogue
+
     if folder.is_relative_to(fmus_directory().resolve()):
-        raise ProjectError(_name_conflict(name, origin, folder, "the catalogue's component of this name"))
+        if any(is_of_catalogue(folder / below / f"{name}.fmu") for below in ("", "python", "fmi3", "fmi3/scalars")):
+            raise ProjectError(_name_conflict(name, origin, folder, "the catalogue's component of this name"))
+        logger.warning("%s: the bare name %s is the catalogue's; this one is meant by its file or class", origin, name)
 
 
 def _name_conflict(name: str, origin: str, folder: Path, owner: str) -> str:
