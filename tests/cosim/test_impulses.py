@@ -507,3 +507,67 @@ def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, nam
     unsaid = np.sum(differences >= np.maximum(1e-8, 3 * claimed))
     assert unsaid <= (names[0] == "lower ball")  # one of 495 is off by 1e-5: two balls that rattle on a third
     assert np.mean(differences < 1e-8) >= 0.9
+
+
+def _on_another(component: FmuPaths, lower: Starts, upper: Starts) -> System:
+    mass, block = (component("Oscillator"), lower), (component("DryOscillator"), upper)
+    return wired("mass.x -> block.belt", mass=mass, block=block)
+
+
+def test_what_sticks_with_what_moves_it_sticks(component: FmuPaths) -> None:
+    """From rest the mass alone accelerates at 8 m/s², more than a grip of 4.9 N allows; with the block at 4 m/s²."""
+    spring, stiffness = 1e-3, 80.0  # [N/m], of the block, and of the mass; both of 1 kg
+    block = {"stiffness": spring, "mu_static": 0.5, "mu_sliding": 0.3}
+    run = _on_another(component, {"stiffness": stiffness, "x_0": 0.1}, block).simulate(1.0, 0.01)
+    middle, omega = -0.9 * spring / (spring + stiffness), math.sqrt((spring + stiffness) / 2)
+    expected = middle + (0.1 - middle) * np.cos(omega * run.time)
+    for name, ahead in (("mass.x", 0.0), ("block.x", 0.9)):
+        np.testing.assert_allclose(run[name], ahead + expected, rtol=0, atol=3e-8)  # the tolerance of the step is 1e-8
+    assert np.all(run["block.slip_sticks"] == 1)
+    assert run.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [
+        pytest.param(
+            {"mass": 1.6756, "stiffness": 20.87, "x_0": 0.0537, "x_dot_0": -0.2883, "damping": 1.6625},
+            {"mass": 2.8511, "stiffness": 0.0, "mu_sliding": 0.0501, "mu_static": 0.06597, "x_0": 0.0383},
+            id="slides neither way",
+        ),
+        pytest.param(
+            {"mass": 1.747, "stiffness": 22.92, "x_0": 0.085, "x_dot_0": 0.1028, "damping": 0.0},
+            {
+                "mass": 0.3172,
+                "stiffness": 0.0,
+                "mu_sliding": 0.09429,
+                "mu_static": 0.1049,
+                "x_0": -0.07,
+                "x_dot_0": -0.29,
+            },
+            id="slides on at a velocity of rounding",
+        ),
+        pytest.param(
+            {"mass": 3.0, "stiffness": 32.17, "x_0": 0.0949, "x_dot_0": 0.1253, "damping": 1.387},
+            {
+                "mass": 0.7145,
+                "stiffness": 76.2,
+                "mu_sliding": 0.1683,
+                "mu_static": 0.2022,
+                "x_0": 0.0976,
+                "x_dot_0": 0.2583,
+            },
+            id="turns and does not stick",
+        ),
+    ],
+)
+def test_dry_friction_between_fmus(component: FmuPaths, shared_folder: Path, lower: Starts, upper: Starts) -> None:
+    """As the flattened system; none of them had an end, as each FMU chose by what the other does while it slides."""
+    system = _on_another(component, lower, upper)
+    parts: Parts = {"mass": ("Oscillator", lower), "block": ("DryOscillator", upper)}
+    settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.01, "tolerance": 1e-11}
+    run, whole = system.simulate(**settings), _whole(shared_folder / "dry", system, parts, **settings)
+    assert np.any(whole["block.slip_sticks"] == 0)
+    assert np.any(whole["block.slip_sticks"] == 1)
+    assert _difference(run, whole) < 1e-7  # instants of release are known to 1e-4 of a step
+    assert run.warnings == ()

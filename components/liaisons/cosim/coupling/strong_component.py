@@ -211,7 +211,10 @@ class StrongComponent:
     def _raise_divergence(self) -> NoReturn:
         worst = int(self._unknowns[int(np.argmax(self._errors))]) % self._signals.count
         signal = ".".join(self._signals.references[worst])
-        cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
+        if self._bus.size.value == 0:  # contacts that choose by each other have no agreement, however long it takes
+            cure = "give other start values, or make one FMU of the system by flatten()"
+        else:
+            cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
         raise RefusedError(
             f"{self._names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, {signal} "
             f"least of all, after {_MOST_ITERATIONS} iterations: {cure}"

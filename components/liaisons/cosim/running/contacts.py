@@ -65,12 +65,12 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
     return contacts
 
 
-def friction_directions(part: SystemComponent) -> list[VariableReference]:
-    """Variable of each dry friction of an FMU: sign of its velocity, 0 while it sticks."""
+def friction_variables(part: SystemComponent) -> list[list[VariableReference]]:
+    """Variables of each dry friction of an FMU: its velocity, and the sign of that, 0 while it sticks."""
     variables = part.fmu.variables
     parts = (name.rpartition("_sticks") for name in variables)
-    pairs = [f"{base}_direction{element}" for base, ending, element in parts if ending]
-    return [(part.name, name) for name in pairs if name in variables]
+    pairs = [(f"{base}{element}", f"{base}_direction{element}") for base, ending, element in parts if ending]
+    return [[(part.name, name) for name in pair] for pair in pairs if all(name in variables for name in pair)]
 
 
 def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:

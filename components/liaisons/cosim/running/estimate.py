@@ -179,8 +179,9 @@ class Estimate:
         errors = np.zeros(len(times))
         if not self.can_estimate:
             return errors
-        peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[self._targets]
-        self._sizes = np.array([peaks[targets].max() for targets in self._of_kind])
+        peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[: len(self._kinds)]
+        kinds = [self._kinds[self._targets[targets[0]]] for targets in self._of_kind]
+        self._sizes = np.array([peaks[self._kinds == kind].max() for kind in kinds])
         serious = np.zeros(len(times))
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])

@@ -42,7 +42,7 @@ from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import (
     connections_losing_impulses,
     contact_variables,
-    friction_directions,
+    friction_variables,
     missing_impulses,
     warn_of_missing,
 )
@@ -131,7 +131,7 @@ class Run:
                 variable
                 for name, part in parts.items()
                 if through or name in fed
-                for variables in (*contact_variables(part), friction_directions(part))
+                for variables in (*contact_variables(part), *friction_variables(part))
                 for variable in variables
             ]
             self._watchdog = Watchdog(simulation)
@@ -170,7 +170,11 @@ class Run:
                 or self._coupled
                 or any(part.approximation.takes_end_values for part in parts.values())
             )
-            self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
+            self._impacts = (
+                Impacts(simulation, through, self._instances, self._coupled.signals, self._bus)
+                if self._coupled and through
+                else None
+            )
             memories = self._deviations.memory, self._coupled, self._impacts and self._impacts.memory
             self._state_owners = [*simulation.drives, *filter(None, memories)]
             self._loop = Loop(
@@ -561,9 +565,16 @@ class Run:
 
     def _advance_with_impacts(self, impacts: Impacts, instant: float, *, in_result: bool) -> int:
         """Step to an instant [s], and across the impacts before it; returns 1, or 0 if a break is in between."""
-        loop = self._loop
+        loop, size = self._loop, instant - self._loop.end
+        settled = -math.inf  # where dry friction that begins to slide has been looked at
         for _ in range(_MOST_IMPACTS):
-            start, (attempt, go_back, refusals) = loop.end, self._repeatable_step(impacts)
+            start = loop.end
+            if start > settled + _TOGETHER * size and self._begins_to_slide(impacts, size):
+                settled = start
+                if self._cross_impacts(impacts, start, instant, size, in_result=in_result):
+                    return 1
+                continue
+            attempt, go_back, refusals = self._repeatable_step(impacts)
             if attempt(instant, shown=in_result):
                 return int(loop.time == instant)
             stop = impacts.step_to_first(start, instant, attempt)
@@ -573,10 +584,8 @@ class Run:
                 go_back()
             if self._cross_impacts(impacts, stop, instant, instant - start, in_result=in_result):
                 return 1
-        words = (
-            f"more than {_MOST_IMPACTS} impacts before t = {instant:.10g} s: make one FMU of the system by flatten()"
-        )
-        raise RefusedError(f"{self._simulation.title}: {words}")
+        words = f"more than {_MOST_IMPACTS} impacts, or changes of contacts, before t = {instant:.10g} s"
+        raise RefusedError(f"{self._simulation.title}: {words}: make one FMU of the system by flatten()")
 
     def _cross_impacts(self, impacts: Impacts, now: float, end: float, size: float, *, in_result: bool) -> bool:
         """Cross impacts, or changes of a contact's mode, of this instant; return whether the end is reached.
@@ -584,10 +593,24 @@ class Run:
         :param size: of a communication step [s].
         """
         loop, bus, go_back = self._loop, self._bus, self._save_step()
-        before = loop.rows[loop.done - 1]
+        before = loop.rows[loop.done - 1].copy()
         stop = min(now + self._breaks.tiny_step(now, size), end)
+
+        def cross(*actions: Callable[[], None]) -> Vector:
+            go_back()
+            for action in actions:
+                action()
+            return self._steps.step_across_break(now, stop)
+
+        def go_on() -> Vector:
+            return self._steps.step_across_break(stop, stop + (stop - now))
+
         after = self._steps.step_across_break(now, stop) if stop > now else before
         if not impacts.has_impact(before, after, size):
+            if stop > now:
+                after = impacts.let_stick(before, after, size, (cross, go_on))
+            if self._begins_to_slide(impacts, size):  # as the FMUs have chosen alone
+                loop.rows[loop.done - 1] = after
             loop.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
             return stop == end
         go_back()
@@ -600,6 +623,12 @@ class Run:
         impacts.solve(now)
         self._begin_piece(size)
         return ends
+
+    def _begins_to_slide(self, impacts: Impacts, size: float) -> bool:
+        """Whether the present point begins a smooth piece, and dry friction slides there without a velocity."""
+        loop = self._loop
+        is_first = loop.done == 1 or bool(loop.after_break[loop.done - 1])
+        return is_first and impacts.begins_to_slide(loop.rows[loop.done - 1], size)
 
     def _repeatable_step(self, impacts: Impacts) -> tuple[Callable[..., bool], Callable[[], None], list[RefusedError]]:
         """Prepare a step from the present state that can be repeated with other ends.

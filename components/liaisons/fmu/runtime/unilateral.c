@@ -409,8 +409,10 @@ static int settle(Instance *self, double time, int late) {
     }
     for (size_t i = 0; i < model->frictions; i++) self->v.m[model->friction[i].direction] = modes[gaps + i];
     const Complementarity all = problem(self, 0);
-    for (size_t i = 0; i < n; i++)
-        if (complementarity_holds(&all, modes, i)) list[held++] = i;
+    for (size_t i = 0; i < n; i++) {
+        const int begins = i >= gaps && modes[i] * c->v[i] < 0; /* to slide against the rounding of its rate, an event again */
+        if (begins || complementarity_holds(&all, modes, i)) list[held++] = i;
+    }
     annul(self, time, list, held, 0);
     return 1;
 }
