@@ -1,4 +1,4 @@
-"""FourBars: parallelograms that pass through singular configurations, where the constraints lose rank."""
+"""Parallelograms that pass through singular configurations, where the constraints lose rank."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from on_paper import State, equations_of
 
-from liaisons.models import four_bars
+from liaisons import simulate
+from liaisons.models import FourBar, four_bars
 
 TWO = four_bars(2)
 WEIGHT, INERTIA = 9.81 * 3.5, 3.0  # G and J of two windows
@@ -56,3 +57,46 @@ def test_closed_form_obeys_the_equation_of_one_pendulum() -> None:
     np.testing.assert_allclose(acceleration, -WEIGHT / INERTIA * np.cos(here["theta"]), rtol=0, atol=1e-5)
     assert here["theta"][0] == pytest.approx(np.pi / 2)
     assert here["theta_dot"][0] == pytest.approx(-1.0)
+
+
+# ---- a parallelogram that is driven through flat ---------------------------------------------------------------------
+
+CRANK, RATE, ACCELERATION = 0.5, 2.0, 0.7
+MOMENT = (
+    0.02 + 0.25**2 + 2 * CRANK**2 + 0.2 + 1.5 * 0.6**2
+)  # of crank and rocker, and of the coupler, which does not turn
+WEIGHTS = 9.81 * (0.25 + 2 * CRANK + 1.5 * 0.6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
+@pytest.mark.parametrize("after", [0.0, 1e-8, -1e-6, 1e-5, -1e-4, 1e-3, 0.02])
+def test_torque_of_a_driven_parallelogram_has_its_limit_at_flat(fmu, after: float, tolerance: float) -> None:
+    """M = J φ'' + G cos φ, at communication points so many seconds after flat; the account closes."""
+    flat = 0.25 - after
+
+    def turn(t: float) -> tuple[float, float, float]:
+        s = t - flat
+        return RATE * s + ACCELERATION / 2 * s**2, RATE + ACCELERATION * s, ACCELERATION
+
+    angle, rate, _ = turn(0.0)
+    start = {"elbow_0": -angle, "swing_0": angle, "elbow_dot_0": -rate, "swing_dot_0": rate}
+    lengths = {"pin_at_x": 1.5, "pin_at_child_x": CRANK}
+    run = simulate(
+        fmu(FourBar), stop_time=0.5, step_size=0.05, tolerance=tolerance, inputs={"turn": turn}, **lengths, **start
+    )
+    phi = np.array([turn(t)[0] for t in run.time])
+    expected = MOMENT * ACCELERATION + WEIGHTS * np.cos(phi)
+    # Constraints are regularised by 1e-10 where they are independent by 1e-5 at least: (1e-5)² of 22 N m, in each of
+    # some terms; position and rate are kept to rounding, which is divided by the angle to flat, 2e-3 beside the limit.
+    np.testing.assert_allclose(run["turn_force"], expected, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(run["elbow_ddot"], -ACCELERATION, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(run["elbow"], -phi, rtol=0, atol=1e-9)  # on its branch
+    np.testing.assert_allclose(run["energy_balance"], 0, rtol=0, atol=10 * tolerance + 5e-7)
+    names_it = any("is infinite near t = 0.25" in text for text in run.warnings)
+    assert names_it == (abs(after) <= 1e-4)  # the force along the bars
+
+
+def test_forces_of_rods_that_pass_flat_by_themselves_are_those_beside_it(fmu) -> None:
+    """With communication points anywhere the motion goes on as one pendulum."""
+    run = simulate(fmu(TWO), stop_time=3.0, step_size=0.013, tolerance=1e-8)
+    np.testing.assert_allclose(run["theta_2"], TWO.exact(run.time)["theta"], rtol=0, atol=1e-6)

@@ -135,7 +135,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Return the functions to be generated as straight code, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
-        "outputs_function": (model.table or model).outputs_function,  # of rows of a table
+        "outputs_function": _with_margin(model, (model.table or model).outputs_function),  # of rows of a table
         "contact": model.contact and _with_one_result(model.contact),
     }
     functions["draw"] = (model.table and model.table.draw) or model.draw
@@ -261,6 +261,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     whole = model.derivatives if model.table is None else model.table.derivatives
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
+    whole = _with_margin(model, whole)
     t, y, u, k, *m = map(ca.SX, whole.sx_in())
     effects = _activities_of_inputs(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
@@ -274,13 +275,30 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     for activity, suffix in reversed(_ACTIVITIES.items()):
         if (is_zero := zeros[activity]) not in pairs:
             inputs = stack(ca.SX(0) if zero else u[i] for i, zero in enumerate(is_zero))
-            rates = ca.densify(ca.cse(whole.call([t, y, inputs, k, *m], True, False)[0]))
-            every = ca.Function(f"derivatives{suffix}", [t, y, u, k, *m], [rates])
+            rates, *margin = map(ca.densify, ca.cse(whole.call([t, y, inputs, k, *m], True, False)))
+            every = ca.Function(f"derivatives{suffix}", [t, y, u, k, *m], [rates, *margin])
             motion = (
-                ca.Function(f"motion{suffix}", [t, y, u, k, *m], [rates[:count]]) if count < rates.numel() else every
+                ca.Function(f"motion{suffix}", [t, y, u, k, *m], [rates[:count], *margin])
+                if count < rates.numel()
+                else every
             )
             pairs[is_zero] = every, every if 1.2 * motion.n_instructions() > every.n_instructions() > _LARGE else motion
     return [pairs[zeros[activity]] for activity in _ACTIVITIES]
+
+
+def _is_guarded(model: Model) -> bool:
+    """Return whether rates and outputs say how far constraints are from losing rank."""
+    straight = model.table is None and not model.programs
+    return straight and model.margin is not None and model.margin.is_a("SXFunction")
+
+
+def _with_margin(model: Model, function: ca.Function) -> ca.Function:
+    """Return a function of (t, y, u, k, ...) with :attr:`Model.margin` as a further result, if it is guarded."""
+    if not _is_guarded(model) or model.margin is None:
+        return function
+    arguments = function.sx_in()
+    results = [*function.call(arguments, True, False), *model.margin.call(arguments[:4], True, False)]
+    return ca.Function(function.name(), arguments, ca.cse(results))
 
 
 def _activities_of_inputs(model: Model) -> dict[str, int]:
@@ -351,6 +369,7 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "events": 1 if model.table and model.table.has_events else model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
         "redundant": model.redundant,
+        "guarded": int(_is_guarded(model)),
         "columns": model.table.columns if model.table else 0,
         "drawn": scalar_count(model.drawn),
         "variable_rows": len(model.variables),  # without the time

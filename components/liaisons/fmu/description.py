@@ -51,7 +51,17 @@ Knowns = tuple[Sequence[Variable], csr_array | None]
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
-    *("symplectic.c", "stiff.c", "event_search.c", "events.c", "unilateral.c", "impulses.c", "exchange.c", "states.c"),
+    *(
+        "symplectic.c",
+        "stiff.c",
+        "event_search.c",
+        "events.c",
+        "unilateral.c",
+        "singular.c",
+        "impulses.c",
+        "exchange.c",
+        "states.c",
+    ),
     *("starts.c", "messages.c", "complementarity.c", "fmi_common.c"),
 )
 

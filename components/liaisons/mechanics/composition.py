@@ -213,6 +213,8 @@ class _Joined:
             rows = [(len(part.model.reaches), part.function_results("reach")[0]) for part in bounded]
             columns = [*(row[:count] for count, row in rows), *(row[count:] for count, row in rows)]
             results["reach"] = connected(self._to_column(columns))
+        margins = [part.function_results("margin")[0] for part in self.parts if part.model.margin is not None]
+        results["margin"] = connected(reduce(ca.fmin, margins)) if margins else None
         announcing = [part.function_results("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
         results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
         conditions = {text: connected(row) for text, row in self._conditions().items()}

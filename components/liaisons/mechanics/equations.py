@@ -88,6 +88,7 @@ class Equations:
     forces: ca.SX  # f: A ẍ = f + Cᵀ λ (f,)
     applied_forces: ca.SX  # Q, then Q_s on adapted coordinates, with forces of constraints whose λ are symbols
     constraints: Constraints  # C ẍ = c
+    independence: ca.SX  # of each constraint from the others; near 0 they lose rank (c,)
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
     friction: Dissipation
@@ -243,6 +244,7 @@ def derive(component: type[Mechanism]) -> Equations:
         forces=f,
         applied_forces=applied_forces,
         constraints=constraints,
+        independence=metric.independence(C, constraints.squares) if C.shape[0] else ca.SX(0, 1),
         multipliers=lambdas[:passive, 0],
         power=power,
         friction=rubbing,

@@ -59,6 +59,8 @@ SIGNATURES: Mapping[str, Signature] = {
     "project": Signature("tyuk", "y", "project"),
     # whether constraints are kept
     "reach": Signature("tyuk", "r", "reach"),
+    # the least of what makes a constraint independent of the others, relative to what it usually is
+    "margin": Signature("tyuk", "c"),
     # of contacts: numbers without contact forces, the state after impulses and shifts, event indicators
     "contact": Signature("tyuk", "n", "contact"),
     "push": Signature("tyukmΛν", "yI", "push"),

@@ -55,25 +55,41 @@ class Inertia:
         :param squares: of the entries that C has somewhere near, (c, f); they say what is small.
         :param iterated: false where the result is a step of an iteration anyway.
         """
-        slack = NEGLIGIBLE * squares @ (1 / ca.diag(self.matrix))
+        slack = self._slack(squares)
         if self.after is None:
             towards = self.solve(C.T)
-            weights = factorise(C @ towards + ca.diag(slack))
+            weights, _ = self._constrained_factors(C, slack)
             multipliers = weights.solve(c - C @ self.solve(f))
             if iterated:
                 multipliers += weights.solve(slack * multipliers)
             return self.solve(f) + towards @ multipliers, multipliers
+        free, size = C.shape[1], self.system.shape[0]
+        factors, _ = self._constrained_factors(C, slack)
+        solution = factors.solve(ca.vertcat(self._padded_with_zeros(f), c))
+        if iterated:
+            solution += factors.solve(ca.vertcat(ca.SX(size, 1), -slack * solution[size:]))
+        return solution[:free], -solution[size:]
+
+    def independence(self, C: ca.SX, squares: ca.SX) -> ca.SX:
+        """Square of what of each constraint's gradient does not depend on others, relative to its usual one (c,)."""
+        slack = self._slack(squares)
+        factors, pivots = self._constrained_factors(C, slack)
+        return NEGLIGIBLE * ca.fabs(factors.D[pivots]) / slack
+
+    def _slack(self, squares: ca.SX) -> ca.SX:
+        return NEGLIGIBLE * squares @ (1 / ca.diag(self.matrix))
+
+    def _constrained_factors(self, C: ca.SX, slack: ca.SX) -> tuple[Factors, list[int]]:
+        """Factors of C A⁻¹ Cᵀ + S, or of the sparse system with C; the pivot of each constraint in D."""
         count, free, size = C.shape[0], C.shape[1], self.system.shape[0]
+        if self.after is None:
+            return factorise(C @ self.solve(C.T) + ca.diag(slack)), list(range(count))
         wide = ca.horzcat(C, ca.SX(count, size - free))
         system = ca.vertcat(ca.horzcat(self.system, wide.T), ca.horzcat(wide, -ca.diag(slack)))
         # The pivot of a multiplier comes from the coordinates that its constraint holds.
         held = {size + j: {i for i in range(free) if C.sparsity().has_nz(j, i)} for j in range(count)}
         order, _ = elimination_order(system.sparsity(), {**self.after, **held})
-        factors = factorise(system, order)
-        solution = factors.solve(ca.vertcat(self._padded_with_zeros(f), c))
-        if iterated:
-            solution += factors.solve(ca.vertcat(ca.SX(size, 1), -slack * solution[size:]))
-        return solution[:free], -solution[size:]
+        return factorise(system, order), [order.index(size + j) for j in range(count)]
 
     @cached_property
     def _factored_system(self) -> Factors:

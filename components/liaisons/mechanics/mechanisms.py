@@ -1,6 +1,6 @@
 """Model of a mechanism: its equations of motion as vectors and functions."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import accumulate
 from typing import Any, TypeGuard
@@ -66,10 +66,11 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     reaches, reached = _reaches(equations)
     # All in one: what the expressions share stays shared.
     columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed]
-    columns += [reached, *numbers.values()]
+    columns += [reached, equations.independence, *numbers.values()]
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
-    initial, first_energy, rates, energy, z, sizes, distances, landed, reached, *columns = ca.vertsplit(together, ends)
+    parts = ca.vertsplit(together, ends)
+    initial, first_energy, rates, energy, z, sizes, distances, landed, reached, independence, *columns = parts
     shown = mechanism_picture(m, read | symbols)
     results = with_energy_accounting(
         vectors,
@@ -87,16 +88,29 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
     functions = ContactModes(contacts, vectors, results, numbers, flat, memory, texts).functions()
     starts = [[variable.start for variable in group] for group in (flat.inputs, flat.parameters)]
+    point = [vectors[letter] for letter in "tyuk"]
+    redundant = _count_redundant(equations, point, functions, starts)
+    margin = _least(ca.vertsplit(independence), redundant)
     return Model(
         **declared_fields(m),
         **functions,
         start_only=len(at_start),
-        redundant=_count_redundant(equations, [vectors[letter] for letter in "tyuk"], functions, starts),
+        redundant=redundant,
+        margin=None if margin.is_constant() else ca.Function("margin", point, [margin]),
         reaches=reaches,
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
     )
+
+
+def _least(values: Iterable[ca.SX], more: int) -> ca.SX:
+    """The least of some values but for so many that are less; 1 if there are no others."""
+    least = [ca.SX(1)] * (more + 1)
+    for value in values:
+        for i, other in enumerate(least):
+            least[i], value = ca.fmin(other, value), ca.fmax(other, value)  # noqa: PLW2901 - it is handed on
+    return least[-1]
 
 
 def _count_redundant(

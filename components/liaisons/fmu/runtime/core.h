@@ -118,6 +118,7 @@ typedef struct {
     size_t parameters, inputs, outputs, states, memory, events; /* numbers */
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* of the motion, and of the start: these and more */
+    int guarded; /* rates and outputs have a second result, how far constraints are from losing rank */
     size_t redundant; /* so many constraints follow from the others: in model exchange all is calculated on them */
     size_t reach_rows, residuals; /* constraints, and numbers of `reach` */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */

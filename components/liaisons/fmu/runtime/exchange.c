@@ -54,6 +54,7 @@ Status core_get_derivatives(Instance *self, double f[]) {
     const int reached = is_within_reach(self, t);
     const double *kept = core_kept_states(self);
     evaluate(self, derivatives_of(self->model), t, kept, self->d.y);
+    if (core_is_singular(self)) core_take_limits(self, derivatives_of(self->model), t, kept, self->d.y, self->model->states);
     for (size_t i = 0; i < self->model->states && kept != self->v.y; i++) self->d.y[i] += RETURN * (kept[i] - self->v.y[i]);
     if (!reached || !core_check_domains(self, t) || !core_check_conditions(self, t, self->v.y, self->model->conditions)
         || !core_check_finite(self, self->d.y, 1, t))

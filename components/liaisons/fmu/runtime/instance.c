@@ -34,6 +34,11 @@ static Directions cut_directions(double **rest, const Model *model, size_t outpu
 /* Columns of work space that the solver needs. */
 static size_t columns_of_work(const Model *model) { return model->indicators > 0 ? EVENT_COLUMNS : SOLVER_COLUMNS; }
 
+/* Numbers that limits need where constraints lose rank. */
+static size_t numbers_aside(const Model *model) {
+    return model->guarded ? model->inputs + (3 + 2 * ASIDE) * model->states + 2 * ASIDE * model->outputs : 0;
+}
+
 static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
     const ContactRows *rows = &model->rows;
     c->all = cut(rest, rows->count);
@@ -66,6 +71,7 @@ static void lay_out(Instance *self) {
     self->e = cut_directions(&rest, model, 0);
     self->scratch.work = cut(&rest, columns_of_work(model) * model->states);
     self->scratch.kept = cut(&rest, model->redundant > 0 ? MOST_PROJECTIONS * model->states : 0);
+    self->scratch.aside = cut(&rest, numbers_aside(model));
     self->scratch.condition = cut(&rest, model->start_conditions);
     self->scratch.instant = cut(&rest, model->events);
     self->scratch.residual = cut(&rest, model->residuals);
@@ -83,7 +89,7 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + (columns_of_work(model) + (model->redundant > 0 ? MOST_PROJECTIONS : 0)) * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs
-                           + model->residuals + 2 * states_of_constraints(model)
+                           + model->residuals + 2 * states_of_constraints(model) + numbers_aside(model)
                            + model->rows.count + model->operators + model->indicators;
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;
@@ -114,6 +120,7 @@ Instance *core_new(const Model *model, const Options *options) {
         core_free(self);
         return NULL;
     }
+    self->call.second = &self->call.margin;
     lay_out(self);
     core_find_prescribed(self);
     core_reset(self);
@@ -155,7 +162,7 @@ void core_reset(Instance *self) {
     memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
     memset(self->prescribed.warned, 0, model->active_rows);
     self->known.current = self->known.apart = self->known.allowed = 0;
-    self->step.discarded_from = NAN;
+    self->step.discarded_from = self->known.infinite = NAN;
     free(self->starts);
     self->starts = NULL;
 }
@@ -252,8 +259,8 @@ Status core_exit_initialization(Instance *self) {
         add_given_rates(self);
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
     }
-    report_start_rates(self);
     core_measure(self);
+    report_start_rates(self);
     core_follow(self);
     core_note_impulses(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
@@ -304,7 +311,10 @@ const double *core_kept_states(Instance *self) {
 }
 
 int core_remember(Instance *self) {
-    evaluate(self, self->model->remember, self->s->time, core_kept_states(self), self->d.m);
+    const double *kept = core_kept_states(self);
+    evaluate(self, self->model->remember, self->s->time, kept, self->d.m);
+    if (core_is_singular(self))
+        core_take_limits(self, self->model->remember, self->s->time, kept, self->d.m, self->model->memory);
     if (!all_finite(self->d.m, self->model->memory)) return 0;
     memcpy(self->v.m, self->d.m, self->model->memory * sizeof *self->v.m);
     self->s->jumped = 0;
@@ -326,6 +336,8 @@ void core_jump(Instance *self) {
     core_leap(self);
     core_follow_gaps(self);
     evaluate(self, self->model->jump, self->s->time, self->v.y, self->d.y);
+    if (core_is_singular(self))
+        core_take_limits(self, self->model->jump, self->s->time, self->v.y, self->d.y, self->model->states);
     memcpy(self->v.y, self->d.y, self->model->states * sizeof *self->v.y);
     self->s->jumped = 0;
 }
@@ -347,6 +359,9 @@ void core_update(Instance *self) {
     if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
     const double *kept = core_kept_states(self);
     evaluate(self, self->model->calculate, self->s->time, kept, self->v.z);
+    if (core_is_singular(self))
+        core_take_limits(self, self->model->calculate, self->s->time, kept, self->v.z,
+                         self->model->outputs - self->model->drawn);
     if (kept != self->v.y) core_correct_states(self, self->v.z, self->v.y, kept);
     self->known.current = 1;
     self->known.drawn = 0;

@@ -98,6 +98,7 @@ typedef struct { /* what need not be done again */
     int allowed; /* k and set are known to be in their domains */
     unsigned asked; /* in model exchange: how often for derivatives; how many of the next ones are looked at closely */
     int suspect;
+    double infinite; /* time at which it was said that a multiplier is */
 } Known;
 
 typedef struct { /* the communication step under way */
@@ -136,6 +137,7 @@ typedef struct { /* scratch memory */
     double *work; /* of the solvers */
     double *kept; /* states on their way to the constraints, as often as they were projected, MOST_PROJECTIONS at most */
     size_t projections;
+    double *aside; /* of limits: inputs, states, rates, and results on both sides */
     double *condition, *instant;
     double *residual;         /* of constraints, and what is prescribed for them */
     double *projected, *anchor; /* states, on their way onto the constraints, and where these were kept last */
@@ -143,6 +145,7 @@ typedef struct { /* scratch memory */
 
 typedef struct { /* of a generated function */
     double now;
+    double margin, *second; /* of a guarded function, how far constraints are from losing rank; where it is put */
     const double **arguments;
     double **results;
     long long *integers;
@@ -297,11 +300,23 @@ static inline int evaluate_now(Instance *self, Function *function, const double 
     self->call.arguments[3] = self->v.k;
     self->call.arguments[4] = self->v.m;
     self->call.results[0] = result;
+    self->call.results[1] = self->call.second;
     return function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
 }
 
 /* dy/dt of all states, whatever the inputs do. */
 static inline Function *derivatives_of(const Model *model) { return model->motions[ACTIVITIES - 1].all; }
+
+enum { ASIDE = 3 }; /* times on either side that limits are calculated from */
+/* Margins below which rates and outputs are taken as limits, and below which what has no limit is no number. */
+static const double NARROW = 1e-5, POLE = 1e-8;
+
+/* Whether constraints lose rank where a guarded function was called last. */
+static inline int core_is_singular(const Instance *self) { return self->model->guarded && self->call.margin < NARROW; }
+
+/* Replace what a guarded function has at a time, where it is singular, by its limits; the first number without, or -1. */
+long core_take_limits(Instance *, Function *function, double t, const double y[], double result[], size_t n);
+int core_has_limits(Instance *); /* the outputs at the end of a step; 0 and a reason */
 
 int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result);
 

@@ -36,6 +36,24 @@ static Signal moved_coupled_rates(void *context, double t, const double y[], dou
     return move_inputs(context, t) ? coupled_rates(context, t, y, f) : STOP;
 }
 
+/* Rates of all states, or of those that act on the motion, where constraints may lose rank. */
+static Signal guarded(Instance *self, Function *function, size_t n, double t, const double y[], double f[]) {
+    if (self->movers.count > 0 && !move_inputs(self, t)) return STOP;
+    evaluate(self, function, self->step.start + t, y, f);
+    if (core_is_singular(self)) core_take_limits(self, function, self->step.start + t, y, f, n);
+    return GO_ON;
+}
+
+static Signal guarded_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    return guarded(self, self->step.motion->all, self->model->states, t, y, f);
+}
+
+static Signal guarded_coupled_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    return guarded(self, self->step.motion->coupled, self->model->coupled, t, y, f);
+}
+
 /* Tell the importer of a step of the solver, which may want to end the communication step. */
 static Signal intermediate_update(Instance *self, double t) {
     double until = INFINITY;
@@ -283,9 +301,13 @@ static int move_states(Instance *self) {
     const size_t indicators = self->model->indicators;
     Events events;
     if (has_contacts()) events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step)};
-    const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
-                             moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             has_contacts() ? &events : NULL, report_stiffness};
+    Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
+                       moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
+                       has_contacts() ? &events : NULL, report_stiffness};
+    if (self->model->guarded) {
+        problem.rates = guarded_rates;
+        problem.coupled_rates = guarded_coupled_rates;
+    }
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     if (self->s->stiff_solver && self->stiff == NULL) {
@@ -467,7 +489,7 @@ static int advance(Instance *self, double time, double size) {
     self->s->expanded = 0;
     self->known.apart = self->movers.count > 0;
     self->known.current = 0;
-    return self->model->states > 0 || outputs_are_finite(self);
+    return self->model->states > 0 ? core_has_limits(self) : outputs_are_finite(self);
 }
 
 Status core_step(Instance *self, double time, double size, Arrival *arrival) {
