@@ -255,3 +255,36 @@ def test_bad_noise_is_refused(reads, noise, words) -> None:
     assert noise_levels(0.1, experiment).tolist() == [0.1, 0.1]
     with pytest.raises(IdentificationError, match=words):
         noise_levels(noise, experiment)
+
+
+@pytest.mark.parametrize(
+    ("column", "amplitude", "turns", "asked"),
+    [
+        ("theta", 23.0, 0.0, True),
+        ("theta", 6.0, 0.0, False),
+        ("theta", 1.0, 40.0, False),
+        ("theta [rad]", 23.0, 0.0, False),
+    ],
+)
+def test_what_looks_like_degrees_is_asked(
+    caplog: pytest.LogCaptureFixture, column: str, amplitude: float, turns: float, *, asked: bool
+) -> None:
+    """Not what turns on, nor what is said to be in radians."""
+    t = np.linspace(0, 2 * np.pi, 40)
+    measurements({"time": t, column: amplitude * np.cos(t) + turns * t}, MODEL)
+    words = (
+        "data: column theta reaches 23 rad and comes back: if these are degrees, call it theta [deg]; else theta [rad]"
+    )
+    assert (words in caplog.text) == asked
+    assert ("degrees" in caplog.text) == asked
+
+
+def test_each_recording_has_a_clock_of_its_own() -> None:
+    """Those that begin at 5 s and at 100 s give the values of the ones that begin at 0 s."""
+    t = np.linspace(0, 4, 41)
+    swings = [simulate("Pendulum", times=t, theta_0=theta_0, length=0.8)["theta"] for theta_0 in (0.4, 0.9)]
+    known = {"noise": 1e-3, "each": ["theta_0"], "start_values": {"length": 0.9}}
+    for clocks in ((0, 0), (5, 100)):
+        data = [{"time": t + clock, "theta": swing} for clock, swing in zip(clocks, swings, strict=True)]
+        fit = identify("Pendulum", data, ["length", "theta_0"], **known)  # type: ignore[arg-type]
+        assert fit.values == pytest.approx({"length": 0.8, "theta_0 (1)": 0.4, "theta_0 (2)": 0.9}, rel=1e-7)

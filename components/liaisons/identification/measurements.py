@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
@@ -15,6 +15,7 @@ from scipy.interpolate import PPoly, make_lsq_spline
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import knots, piecewise_polynomial
+from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table, table_of
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.determinacy import Floats
@@ -93,9 +94,10 @@ def measurements(
     tables = list(data) if isinstance(data, (list, tuple)) else [data]
     experiments = []
     for one, event in zip(tables, _instants_by_experiment(instants, len(tables)), strict=True):
-        table = _read_table(one, [v.name for v in (*flat.inputs, *flat.outputs)])
+        units = {variable.name: variable.unit for variable in (*flat.inputs, *flat.outputs)}
+        table = _read_table(one, units)
         with _prefixed_errors(table.title):
-            values = _columns_by_name(table, flat, ignored)
+            values = _columns_by_name(table, units, ignored)
             times = table.times(most=1) if table.clock else np.empty(0)
             if times.size < 2:
                 raise ValueError(f"column time: {times.size} rows; give two at least")
@@ -108,6 +110,7 @@ def measurements(
             for name in signals:
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
+                _ask_about_degrees(table, name, values[name], units[name])
             inputs = dict(_driving_splines(flat, times, values, unknown, smoothing, table))
         columns_of_signals = np.array([values[name] for name in signals]).reshape(-1, len(times))
         experiments.append(Measurements(times, signals, columns_of_signals, inputs, table.title, own))
@@ -181,9 +184,18 @@ def _is_among(name: str, chosen: Iterable[str]) -> bool:
     return not {name, array_and_index(name)[0]}.isdisjoint(chosen)
 
 
-def _columns_by_name(table: Table, model: Model, ignored: Sequence[str]) -> dict[str, Floats]:
+def _ask_about_degrees(table: Table, name: str, values: Floats, unit: str) -> None:
+    """Warn of an angle without a unit that swings through more than a turn, there and back."""
+    known = values[np.isfinite(values)]
+    swings = 2 * abs(known[-1] - known[0]) < np.ptp(known)  # what only turns does not come back
+    largest = float(np.max(np.abs(known)))
+    if unit == "rad" and swings and largest > 2 * np.pi and not table.units[table.names.index(name)]:
+        words = "%s: column %s reaches %.4g rad and comes back: if these are degrees, call it %s [deg]; else %s [rad]"
+        logger.warning(words, table.title, name, largest, name, name)
+
+
+def _columns_by_name(table: Table, units: Mapping[str, str], ignored: Sequence[str]) -> dict[str, Floats]:
     """Columns but that of time by name of their variable, in SI units."""
-    units = {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
     for name in table.names:
         if _is_among(name, ignored) or is_estimate(name, units):
@@ -236,7 +248,7 @@ def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
     return np.array([edges, *(spline(edges, order) for order in range(3))])
 
 
-def _read_table(data: object, known: Sequence[str]) -> Table:
+def _read_table(data: object, known: Collection[str]) -> Table:
     """Table of one experiment."""
     if isinstance(data, (str, PathLike)):
         table = read_table(Path(data), IdentificationError)
