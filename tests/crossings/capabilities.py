@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from _browser import BROWSER, browser, opened, preset
 from driver import CO_SIMULATION, OK, Instance, Library
-from making import exchange_only
+from making import exchange_only, lying
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from subjects import LEAN, SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Row, Signals, Subject, T, shaken_mass
@@ -258,6 +258,27 @@ def try_verify(workshop: Workshop, kind: str) -> None:
     for name, exact in subject.signals(T[::2]).items():
         error, change = np.max(np.abs(result[before + name] - exact)), np.max(result.error(before + name))
         assert error <= 2.2 * change + 1e-10 * max(1.0, np.max(np.abs(exact))), f"{name} is off by {error:.2g}"
+
+
+def try_watchdog(workshop: Workshop, kind: str) -> None:
+    """Silent where all is right, though it is not recorded; told by the name of each FMU that has an account."""
+    system, before = workshop.system(kind)
+    other, has_account = System(kind), list[str]()
+    (folder := workshop.folder / f"{kind} watched").mkdir()
+    for name, part in system.parts.items():
+        path = part.fmu.path
+        for balance in (variable for variable in part.fmu.variables if variable.endswith("energy_balance")):
+            path = lying(path, folder / path.name, balance, balance.replace("energy_balance", "kinetic_energy"))
+            has_account.append(name)
+        other.add(name, path, start_values=part.starts)
+    other.join(system.connections)
+    settings = RUN | {"record": [before + next(iter(SUBJECTS[kind].signals()))]}
+    right, wrong = (
+        [warning for warning in one.simulate(**settings).warnings if "energy account does not close" in warning]
+        for one in (system, other)
+    )
+    assert right == []
+    assert [warning.partition(":")[0] for warning in wrong] == has_account
 
 
 def subject_and_values(workshop: Workshop, kind: str) -> tuple[Any, dict[str, Any]]:
