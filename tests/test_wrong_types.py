@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -26,12 +27,16 @@ from liaisons import (
     frequencies,
     grid,
     hamiltonian_flow,
+    hold,
     identify,
     max_error,
+    observe,
     operator,
+    plan,
     sample,
     show,
     simulate,
+    start,
     sweep,
     verdict,
 )
@@ -181,6 +186,74 @@ def test_wrong_types_are_our_errors_in_one_line(things: Things, name: str) -> No
         with pytest.raises(LiaisonsError) as caught:
             call(things, value)
         assert "\n" not in str(caught.value), name
+
+
+@pytest.fixture(scope="module")
+def objects(things: Things) -> Iterator[dict[str, Any]]:
+    """An object of each public class that has methods."""
+    from liaisons.gymnasium import Environment
+
+    upright = {"theta": np.pi, "pivot_x": 0.0}
+    task: dict[str, Any] = {"observe": ["theta"], "act": {"pivot_x_ddot": (-5, 5)}, "reward": "1", "step_size": 0.02}
+    with start(things.fmu, step_size=0.1) as run:
+        run.step()
+        environment = Environment("Pendulum", **task)
+        environment.reset()
+        yield {
+            "System": things.system,
+            "Run": run,
+            "Result": things.result,
+            "Plan": plan("Oscillator", ["support"], start={"x": 0}, end={"x": 1.0}, duration=2.0),
+            "Controller": hold("Pendulum", upright, "pivot_x", step_size=0.02),
+            "Observer": observe("Pendulum", "theta", {"theta": 0.01}, {"theta_force": 0.1}, at={"theta": 0}),
+            "Environment": environment,
+        }
+        environment.close()
+
+
+NOT_TRIED = {
+    "Run.start": "with_start_values() makes its argument",
+    "Run.finish": "simulate() calls it",
+    "System.flatten": "tried above; each try may build",
+    "Result.animate": "draws for seconds",
+    "Result.plot": "tried above",
+    "Controller.survives": "simulates for seconds",
+    "Controller.verify": "likewise",
+    "Observer.random_runs": "likewise",
+    "Observer.consistency": "takes what random_runs() returns",
+    "Plan.animate": "draws for seconds",
+    "Plan.verify": "simulates for seconds",
+}
+
+
+@pytest.mark.parametrize("kind", ["System", "Run", "Result", "Plan", "Controller", "Observer", "Environment"])
+def test_methods_say_which_argument_is_wrong(objects: dict[str, Any], kind: str) -> None:
+    """Each value in each argument of each method: it is taken, or refused by a sentence that names something."""
+    subject, said = objects[kind], list[str]()
+    for name, method in inspect.getmembers(type(subject), callable):
+        public = (not name.startswith("_") or name == "__getitem__") and f"{kind}.{name}" not in NOT_TRIED
+        if not public or not (method.__module__ or "").startswith("liaisons") or name == "close":
+            continue
+        call = getattr(subject, name)
+        arguments = [p for p in inspect.signature(call).parameters.values() if p.kind != p.VAR_KEYWORD]
+        needed = [
+            p for p in arguments if p.default is p.empty and p.kind in {p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD}
+        ]
+        for argument in arguments:
+            for value in WRONG:
+                before = [value if p is argument else "theta" for p in needed]
+                by_place = argument in needed or argument.kind in {argument.POSITIONAL_ONLY, argument.VAR_POSITIONAL}
+                before += [value] * (by_place and argument not in needed)
+                try:
+                    call(*before, **({} if by_place else {argument.name: value}))
+                except LiaisonsError as error:
+                    said += [f"{name}({argument.name}={value!r}): two lines"] * ("\n" in str(error))
+                except Exception as error:  # noqa: BLE001 - what is looked for
+                    is_sentence = isinstance(error, (TypeError, ValueError)) and argument.name in str(error)
+                    said += [f"{name}({argument.name}={value!r}): {error!r}"] * (not is_sentence)
+                if kind == "Run":
+                    subject._clock = None  # no waiting for a pace that was taken
+    assert said == []
 
 
 def test_an_empty_system_is_an_error(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import (
     as_path,
     merged_start_values,
+    name_dictionary,
     shown,
     start_value_hints,
     with_arguments,
@@ -123,8 +124,13 @@ class System:
 
         :returns: the component.
         """
+        if not isinstance(name, str) or name not in self._parts:
+            words = f"{self.name} has no component {shown(name)}{suggestion(str(name), self._parts)}"
+            raise ConnectError(words)
         part = self._parts[name]
-        for port, value in operators.items():
+        for port, value in name_dictionary(f"{self.name}: operators", operators).items():
+            if not isinstance(value, OperatorFmu):
+                raise ConnectError(f"{self.name}: {port} = {shown(value)} is no operator(...)")
             own = f"{name}_{port}".replace(".", "_")  # ports of a flattened FMU have dots
             self.connect(self.add(own, value.fmu, start_values=value.start_values)["y"], part[port])
         return part
@@ -154,8 +160,12 @@ class System:
     def join(self, connections: Iterable[Connection]) -> None:
         """Add scalar connections to the system, all of them or, if one does not fit, none.
 
-        :raises ConnectError: if an input has a source already.
+        :raises ConnectError: if an input has a source already, and for what is no connection.
         """
+        connections = list(connections) if isinstance(connections, Iterable) else [connections]
+        for one in connections:
+            if not isinstance(one, Connection):
+                raise ConnectError(f"{self.name}: {shown(one)} is no connection; take those of another system")
         joined: dict[VariableReference, Connection] = {}
         for connection in connections:
             input_ = connection.target.reference

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import name_dictionary, with_settings
+from liaisons.base.arguments import check_integer, name_dictionary, with_settings
 from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
 from liaisons.fmu.calls import Call
 from liaisons.gymnasium.task import Floats, Task
@@ -89,9 +89,12 @@ class Environment(gymnasium.Env[Any, Any]):
         :param options: start values by name.
         :raises SimulationError: for an unknown name, or a value that cannot be set.
         """
+        if seed is not None:
+            check_integer("seed", seed, minimum=0)
+        options = {} if options is None else options
         super().reset(seed=seed)
         drawn = {name: self.np_random.uniform(low, high) for name, (low, high) in self.task.randomize.items()}
-        self._begin_episode({**drawn, **name_dictionary("options", options or {})})
+        self._begin_episode({**drawn, **name_dictionary("options", options)})
         self._observed = self._evaluate_measures()[:-2]
         return self._observed.copy(), self._energy_balances()
 

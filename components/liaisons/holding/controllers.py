@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.base.arguments import check_positive, merged_start_values, shown
+from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, shown
 from liaisons.base.logs import ignored_warnings
 from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
@@ -248,7 +248,8 @@ class Controller:
         :raises PlanError: if the end is not after the start.
         :raises SimulationError: for a start value that is not allowed.
         """
-        ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        given = name_dictionary("inputs", {} if inputs is None else inputs, PlanError)
+        ports = {f"{self.name}.{name}": value for name, value in given.items()}
         starts = merged_start_values(self.name, start_values, keywords, PlanError)
         stop_time = self._default_stop if stop_time is None else stop_time
         times = self.times(stop_time)
@@ -276,6 +277,8 @@ class Controller:
 
     def deviation(self, run: Result) -> Array:
         """Deviations of the states of a run from the reference trajectory, (states, times)."""
+        if not isinstance(run, Result):
+            raise PlanError(f"{self.name}: deviation: run = {shown(run)}: give a result of simulate()")
         repeats = self.trajectory.after == "repeats"
         rounds = np.floor(run.time / self.duration + _ROUNDING) * repeats
         late = run.time - rounds * self.duration + _ROUNDING * self.duration

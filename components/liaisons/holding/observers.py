@@ -14,7 +14,7 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list
+from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list, shown
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import ignored_warnings
 from liaisons.check import Verdict, verdict
@@ -242,6 +242,8 @@ class Observer:
 
         :returns: the component NAME_observer.
         """
+        if not isinstance(system, System):
+            raise PlanError(f"{self.name}: connect_to: system = {shown(system)}: give a System")
         part, parts = system.add(self.part, self.fmu), system.parts
         for name in self.model.measured:
             system.connect(parts[self.name][name], part[f"{identifier(name)}_measured"])

@@ -144,6 +144,8 @@ class Plan:
             equal steps with a knot at the start of each: values and rates are those of the plan, accelerations those
             that lead to the next value, so that extrapolation has an error of third order.
         """
+        if not isinstance(interpolate, bool):
+            raise PlanError(f"{self.problem.name}: interpolate = {shown(interpolate)}: give True or False")
         system, end = System(f"planned_{self.problem.name}"), self.duration
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))

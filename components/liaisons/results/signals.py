@@ -103,12 +103,15 @@ class LabelledSignals:
             return ()
         return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
 
-    def _rows(self, table: Floats, name: str) -> Floats:
-        """Row of a signal in a table, or rows of an array, whose axes become the last ones."""
+    def _check_name(self, name: str) -> None:
         if not isinstance(name, str):
             raise UnknownSignalError(
                 f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
             )
+
+    def _rows(self, table: Floats, name: str) -> Floats:
+        """Row of a signal in a table, or rows of an array, whose axes become the last ones."""
+        self._check_name(name)
         if name in self._row_by_name:
             return table[self._row_by_name[name]]
         if name not in self._arrays:
@@ -135,15 +138,20 @@ class LabelledSignals:
 
     def element(self, name: str) -> str:
         """Name of the first element of an array; the name itself for a signal."""
+        self._check_name(name)
         return self.names[self._arrays[name][0][0]] if name in self._arrays else name
 
     def sized(self, name: str) -> str:
         """Name of a signal or array with its shape: ``"theta (10)"``."""
+        self._check_name(name)
         return f"{name} ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else name
 
     def label(self, name: str) -> str:
         """Name of a signal or array with shape and unit: ``"theta (10) [rad]"``."""
-        return f"{self.sized(name)} [{self.units[name]}]" if self.units[name] else self.sized(name)
+        sized = self.sized(name)
+        if name not in self.units:
+            self._rows(self.values, name)  # says that there is none
+        return f"{sized} [{self.units[name]}]" if self.units[name] else sized
 
     @property
     def headline(self) -> str:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.arguments import check_integer, shown
 from liaisons.base.files import replacement_path
 from liaisons.base.tables import Table, import_optional, import_pyarrow, read_table
-from liaisons.errors import SimulationError
+from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.results.signals import LabelledSignals
 
 _FAILURE = "failure"
@@ -31,6 +32,8 @@ def write_csv(signals: LabelledSignals, path: Path, *, plain: bool) -> None:
     :param plain: without units and notes.
     :raises SimulationError: if it cannot be written.
     """
+    if not isinstance(plain, bool):
+        raise InvalidValueError(f"plain = {shown(plain)}: give True or False")
     names, (unit, *units), contents = zip(*_file_columns(signals), strict=True)
     with replacement_path(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -115,6 +118,8 @@ def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[s
     :param most: largest number of rows; None: all.
     :param few: arrays of more elements have one row.
     """
+    if most is not None:
+        check_integer("most", most, minimum=0)
     if signals.kind != "sweep":
         return [_extent_row(signals, name) for name in signals.grouped(few)[:most]]
     names = [signals.label(name) for name in signals.names]

@@ -183,7 +183,7 @@ class Run:
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
-            self._closed = self._lost = False  # closed; without a state of the FMUs
+            self._closed, self._lost = False, True  # closed; without a state of the FMUs
             self.lateness: list[float] = []
             saves, self._restores = zip(*state_calls(self._instances), strict=True) if self.repeats else ((), ())
             self._bus.perform(saves)
@@ -209,8 +209,8 @@ class Run:
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
         """
-        if name not in self._instances:
-            self._refuse(f"has no component {name!r}{suggestion(name, self._instances)}")
+        if not isinstance(name, str) or name not in self._instances:
+            self._refuse(f"has no component {shown(name)}{suggestion(str(name), self._instances)}")
         if not isinstance(instance := self._instances[name], Loaded):
             self._refuse(f"{name} runs in a process of its own, where FMPy's object is; leave out isolated")
         return instance.fmpy_instance
@@ -223,6 +223,7 @@ class Run:
         """
         simulation, bus = self._simulation, self._bus
         begin, end = simulation.times[0], simulation.times[-1]
+        self._lost = True
         self._loop.truncate(0)
         self._errors: list[float] = []  # of steps between communication points
         bus.set_step(begin, begin)
@@ -250,6 +251,7 @@ class Run:
         self.lateness.clear()
         for free in self._free_inputs.values():
             free.values[:] = np.nan
+        self._lost = False
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
         """Simulate to the end.
@@ -324,7 +326,7 @@ class Run:
             that is closed or at its end; :class:`IncompleteError`, with the result so far, if an FMU refuses the step.
         """
         try:
-            values = {**(inputs or {}), **keywords}
+            values = {**({} if inputs is None else inputs), **keywords}
         except TypeError:
             values = name_dictionary("inputs", inputs)  # says what is wrong
         self._set_and_step([self._free_input(name) for name in values], values.values())
@@ -510,7 +512,6 @@ class Run:
         self._require_states()
         parts = with_start_values(simulation.title, simulation.parts, starts, single=simulation.single)
         before, end, errors = None if self._lost else self.save(), self._end, self._errors
-        self._lost = True
         try:
             self.start(parts)
         except BaseException:
@@ -519,7 +520,6 @@ class Run:
                     self.restore(before)
                     self._end, self._errors = end, errors
             raise
-        self._lost = False
 
     def linearize(self) -> Linearization:
         """The linear system that deviations from the present point follow; its outputs are those that are recorded.

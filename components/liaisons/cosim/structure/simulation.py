@@ -7,6 +7,7 @@ import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
+from types import NoneType
 from typing import Any, final
 
 import numpy as np
@@ -75,7 +76,7 @@ class SimulationSettings:
         :raises SimulationError: naming it.
         """
         for name, value in self.run_options().items():
-            if value:
+            if not isinstance(value, (int, float, NoneType)) or value:
                 raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
 
 
