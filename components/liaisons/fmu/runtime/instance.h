@@ -48,6 +48,7 @@ typedef struct { /* a prescribed number: its indices among the inputs, and its s
     char *warned;             /* of its variable */
     double end[3];            /* in interpolation: value, rate and acceleration at the end of the step */
     int leaps;                /* and whether it jumps there, where its rates do not lead */
+    int rests;                /* in the step that begins, as in the one before */
     int tells;                /* that derivatives are missing, from this step on */
     double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
 } Prescribed;

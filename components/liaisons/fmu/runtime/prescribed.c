@@ -114,6 +114,11 @@ void core_derive(Instance *self) {
 /* Remember the present point, as the last one before the next. */
 static void remember(Instance *self, Prescribed *p) {
     Past *past = p->past;
+    if (p->rests && past->points > 0) {
+        past->points = 1;
+        past->times[0] = self->s->time;
+        return;
+    }
     double numbers[] = {self->v.u[p->value], self->v.u[p->rate], self->v.u[p->acceleration]};
     if (derives(p) && derive(p, self->s->time, numbers)) past->points = 0;
     if (past->points > 0 && !(self->s->time > past->times[0])) past->points = 0; /* of another clock */
@@ -224,6 +229,7 @@ void core_arrive(Instance *self) {
         const Mover *rate = mover_of(self, p->rate);
         const double went = rate == NULL ? self->step.reach * p->past->rate
                                          : input_integral(rate, self->step.reach / self->step.size) * self->step.size;
+        p->rests = 0;
         p->past->size = self->step.reach;
         p->past->followed =
             self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : bounded(p->past->value + went);
@@ -246,6 +252,9 @@ void core_look(Instance *self) {
         if (self->s->reconstruction == HOLD || past->size == 0) continue;
         const double from[] = {past->value, past->given[0], past->given[1]};
         const double to[] = {set[p->value], set[p->rate], set[p->acceleration]};
+        p->rests = to[0] == from[0] && past->still + past->turns == 0 && !(from[1] || from[2] || to[1] || to[2])
+                   && !derives(p);
+        if (p->rests) continue;
         look(p, past->size, from, to);
     }
     if (self->s->reconstruction != HOLD) core_derive(self);
@@ -280,6 +289,10 @@ void core_compare(Instance *self) {
     FOR_EACH(p) {
         const Past *past = p->past;
         if (p->mismatch == NULL || past->size == 0) continue;
+        if (p->rests) {
+            *p->mismatch = 0;
+            continue;
+        }
         const double from[] = {past->value, past->rate, past->acceleration};
         const double to[] = {u[p->value], u[p->rate], u[p->acceleration]};
         if (self->s->reconstruction == HOLD) *p->mismatch = 0;
@@ -334,10 +347,11 @@ void core_warn(Instance *self, int last) {
     const size_t first = self->model->parameters;
     FOR_EACH(p) {
         const Past *past = p->past;
+        if (past->found == 0 || *p->warned) continue;
         const int jumps = fabs(past->found) > FAR * past->went;
         /* A rate may be missing; which one is wrong is not known yet. */
         const int pending = past->still > 0 || (!jumps && (past->points < 2 || (past->turns > 0 && past->turns < SEVERAL)));
-        if (p->mismatch == NULL || past->found == 0 || *p->warned || (pending && !last)) continue;
+        if (pending && !last) continue;
         char names[3][NAME];
         const size_t indices[] = {p->value, p->rate, p->acceleration};
         for (int i = 0; i < 3; i++) strcpy(names[i], core_name(self, first + indices[i]));
