@@ -433,7 +433,7 @@ def test_half_connected_port_is_reported(component: FmuPaths, caplog: pytest.Log
     motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1}
     system = wired("motor.y_dot -> swing.length_dot", motor=motor, swing=component("Pendulum"))
     system.simulate(0.1, 0.1)
-    assert caplog.records == []  # a rate alone may be meant
+    assert "is fed, but" not in caplog.text  # a rate alone may be meant
     system.join([Connection(system.parts["motor"]["y"], system.parts["swing"]["length"])])
     system.simulate(0.1, 0.1)
     assert "swing.length is fed, but swing.length_ddot is not" in caplog.text
