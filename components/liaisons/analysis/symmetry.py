@@ -144,10 +144,10 @@ def momentum_map(
             structure[a, b] = np.linalg.lstsq(samples.T, numbers, rcond=None)[0]
             structure[b, a] = -structure[a, b]
             rest = bracket.expression - sum(c * J.expression for c, J in zip(structure[a, b], maps, strict=True))
-            if where := where_nonzero(equations, rest, values, noise=_FITTED):
+            if where_nonzero(equations, rest, values, noise=_FITTED):
                 raise ComponentError(
                     f"{equations.name}: the bracket of {names[b]} and {names[a]} is no combination of "
-                    f"{', '.join(names)} {where}; give the generators that are missing"
+                    f"{', '.join(names)}; give the generators that are missing"
                 )
     momenta = equations.mechanism.free.frame @ equations.momenta
     components = {name: Quantity(equations, ca.dot(xi, momenta)) for name, xi in fields.items()}
@@ -167,8 +167,8 @@ def _working_forces_text(equations: Equations, xi: ca.SX, values: Values) -> str
     ]
     if moved:
         return f"moves {', '.join(moved)}, whose forces change"
-    if where := where_nonzero(equations, ca.dot(direction, _given_forces(equations)), values):
-        return f"moves against friction, drives or loads {where}, which change"
+    if where_nonzero(equations, ca.dot(direction, _given_forces(equations)), values):
+        return "moves against friction, drives or loads, which change"
     return ""
 
 
@@ -331,10 +331,10 @@ def _require_homogeneous_energy(equations: Equations, names: list[str], values: 
     m, T = equations.mechanism, equations.kinetic_energy
     lengths_and_rates = stack(m.symbols[suffixed_name(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, lengths_and_rates, lengths_and_rates) - 2 * T if names else T
-    if where := where_nonzero(equations, excess, values):
+    if where_nonzero(equations, excess, values):
         lengths = ", ".join(names) or "(none)"
         raise ComponentError(
-            f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths} {where}; "
+            f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
             "set the parameters that are lengths to 0, or use coordinates in metres"
         )
     magnetic = equations.lagrangian - T + equations.potential_energy

@@ -191,10 +191,8 @@ class GoalSymbols:
         depends = np.zeros(jacobian.shape, dtype=bool)
         if jacobian.nnz() == 0:
             return depends
-        (rows, columns), entries = (
-            map(np.array, jacobian.sparsity().get_triplet()),
-            stack([ca.SX(x) for x in jacobian.nonzeros()]),
-        )
+        rows, columns = map(np.array, jacobian.sparsity().get_triplet())
+        entries = ca.SX(ca.Sparsity.dense(len(rows), 1), jacobian.nz[:])
         found = np.any([np.abs(self.evaluate(entries, 0.3, seed)).ravel() > ROUNDING for seed in range(1, 4)], axis=0)
         left = np.flatnonzero(~found)
         if left.size:
