@@ -33,6 +33,15 @@ def test_rate_is_one_over_a_second_of_it(unit) -> None:
     assert exponents(units.rate(unit), "s") == exponents(unit)
 
 
+@pytest.mark.parametrize("unit", ["rad", "rad/s", "rad/s2", "m", "J", "W"])
+def test_display_factors_are_those_of_measurements(unit) -> None:
+    """Two tables: by how much a number grows when it is shown, and how many SI units a symbol is."""
+    shown = units.parse(unit).display
+    assert shown
+    for name, factor in shown:
+        assert factor * units.size_in_si(name, unit) == pytest.approx(1, rel=1e-15)
+
+
 def test_angles_are_shown_in_degrees() -> None:
     assert [units.parse(unit).display[0][0] for unit in ("rad", "rad/s", "rad/s2")] == ["deg", "deg/s", "deg/s2"]
 

@@ -71,6 +71,12 @@ def test_modules_beside_a_scenario_are_found_each_its_own(runs: Runs, liaisons: 
     assert is_misuse(liaisons("run", "leaves.py"), "leaves.py:2: SystemExit: 3")
 
 
+def test_without_a_name_the_scenarios_are_listed(liaisons: Cli) -> None:
+    reply = liaisons("run")
+    assert reply.status == 0
+    assert all(name in reply.out for name in FIRST)
+
+
 def test_a_theme(liaisons: Cli, tmp_path: Path) -> None:
     (tmp_path / "scenarios").mkdir()
     write(tmp_path / "scenarios" / "first.py")

@@ -63,6 +63,18 @@ def test_multipliers_are_those_of_the_innovation() -> None:
     assert np.max(np.abs(observer.multipliers)) < 1
 
 
+def test_a_measurement_is_compared_with_what_sigma_makes_of_it_at_its_own_instant() -> None:
+    """The pivot has moved by 0.3 m within the period: what is read at its end contradicts the estimate in nothing."""
+    observer = observe("Pendulum", step_size=0.02, **UPRIGHT, **ANGLE | {"measured": "bob_x", "noise": {"bob_x": NOISE}})
+    model, begin = observer.model, np.array(observer.model.sampled.sigma)
+    end = begin + [[0.3, 0.0, 0.0]]
+    y = np.array(model.measure(model.start, end)[0])
+    assert y[0] == pytest.approx(0.3 / NOISE, rel=1e-12)
+    x, _, innovations = model.filter_step(observer.covariance)(1, model.start, [], begin, end, y)
+    np.testing.assert_allclose(np.array(innovations), 0, rtol=0, atol=1e-9)  # of readings of 30
+    np.testing.assert_allclose(np.array(x).ravel(), model.start, rtol=0, atol=1e-12)
+
+
 TILTED = {"at": {"theta": np.pi / 6}, "moves": "pivot_x", "step_size": 0.02}
 CHAIN = {"at": {"theta": np.pi, "pivot_x": 0}, "moves": "pivot_x", "step_size": 0.01, "n": 2}
 PUSHED: dict[str, tuple[str, dict[str, Any]]] = {
