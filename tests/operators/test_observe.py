@@ -65,9 +65,10 @@ def test_multipliers_are_those_of_the_innovation() -> None:
 
 def test_a_measurement_is_compared_with_what_sigma_makes_of_it_at_its_own_instant() -> None:
     """The pivot has moved by 0.3 m within the period: what is read at its end contradicts the estimate in nothing."""
-    observer = observe("Pendulum", step_size=0.02, **UPRIGHT, **ANGLE | {"measured": "bob_x", "noise": {"bob_x": NOISE}})
+    place = {"measured": "bob_x", "noise": {"bob_x": NOISE}}
+    observer = observe("Pendulum", step_size=0.02, **UPRIGHT | ANGLE | place)
     model, begin = observer.model, np.array(observer.model.sampled.sigma)
-    end = begin + [[0.3, 0.0, 0.0]]
+    end = np.add(begin, [[0.3, 0.0, 0.0]])
     y = np.array(model.measure(model.start, end)[0])
     assert y[0] == pytest.approx(0.3 / NOISE, rel=1e-12)
     x, _, innovations = model.filter_step(observer.covariance)(1, model.start, [], begin, end, y)
