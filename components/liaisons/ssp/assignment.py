@@ -91,7 +91,7 @@ def _parameter_values(name: str, element: Element) -> tuple[Number, ...]:
     except (KeyError, ValueError):
         raise SimulationError(f"parameter {name} = {text!r}: that is no {kind}") from None
     if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item
-        return (text,)
+        return tuple(item.get("value", "") for item in element if item.tag.endswith("}Value")) or (text,)
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
 

@@ -33,6 +33,7 @@ from liaisons.ssp.structure import Connector, ElementPath, Pin, Structure, read_
 from liaisons.ssp.xml import STRUCTURE, child_path, tag, with_declared_prefixes
 
 _VERSIONS = ("1.0", "2.0")
+_PARTS = ("ssv:ParameterSet", "ssm:ParameterMapping", "ssb:SignalDictionary")
 
 
 S = TypeVar("S", bound=System)
@@ -101,6 +102,10 @@ def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
         raise SimulationError(f"{source} cannot be read: {error}") from None
     if element.tag != tag(root):
         raise SimulationError(f"{source} has the root {element.tag!r}, expected {root}")
+    for part in (part for kind in _PARTS for part in element.iter(tag(kind))):
+        if (version := part.get("version", _VERSIONS[0])) not in _VERSIONS:
+            words = "the version %r of %s is not known; read as %s"
+            logger.warning(f"%s: {words}", archive.path, version, source, _VERSIONS[-1])
     return element
 
 
@@ -191,14 +196,14 @@ def _start_values(
 def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) -> Iterable[tuple[str, Quantity]]:
     """Names, values and units of the parameters that a binding assigns to an element."""
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
-    source, values = binding.get("source"), binding.find(child_path("ssd:ParameterValues", "ssv:ParameterSet"))
+    source, values = _source(binding, owner), binding.find(child_path("ssd:ParameterValues", "ssv:ParameterSet"))
     if source is not None:
         values = _xml_root(archive, source, owner, "ssv:ParameterSet")
     if values is None:
         raise SimulationError(f"{owner} has neither a source nor values")
     entries: list[Element] = []
     for mapping in binding.iterfind(tag("ssd:ParameterMapping")):
-        source = mapping.get("source")
+        source = _source(mapping, f"the mapping of {owner}")
         inner = mapping.find(tag("ssm:ParameterMapping"))
         if source is not None:
             inner = _xml_root(archive, source, f"the mapping of {owner}", "ssm:ParameterMapping")
@@ -207,6 +212,14 @@ def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) 
         return list(mapped_parameters(parameter_quantities(values), entries, prefix=binding.get("prefix", "")))
     except (ValueError, OverflowError) as error:
         raise SimulationError(f"{owner} cannot be read: {error}") from None
+
+
+def _source(element: Element, owner: str) -> str | None:
+    """Source of a file in the archive; a SimulationError if it is to lie in an FMU."""
+    source = element.get("source")
+    if source is not None and (base := element.get("sourceBase", "SSD")) != "SSD":
+        raise SimulationError(f"{owner} has sourceBase = {base!r}; put its file beside {STRUCTURE}, which is 'SSD'")
+    return source
 
 
 def _dictionary_root(archive: Archive, source: str, owner: str) -> Element | None:

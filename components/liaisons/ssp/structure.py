@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 
 from liaisons.base.array_names import Shape
 from liaisons.base.unit_definitions import SAME, Conversion, UnitDefinition
+from liaisons.cosim.messages import logger
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import child_path, tag, unit_definitions
 
@@ -259,13 +260,16 @@ class _Reader:
         if root is None:
             return
         owner, units = (*parent, f"[{label}]"), unit_definitions(root, "ssb:Units")
-        for entry in root.iterfind(child_path("ssb:Signals", "ssb:DictionaryEntry")):
+        for entry in root.iter(tag("ssb:DictionaryEntry")):  # some tools write Signals around them
             unit = next((unit for child in entry if (unit := child.get("unit"))), "")
             name = _required(entry, "name")
             self._store_unit(owner, name, self._unit(owner, name, unit, units))
 
     def _store_reference(self, reference: Element, owner: ElementPath) -> None:
         """Store the units of the connectors of a reference to a signal dictionary."""
+        if reference.find(_BINDINGS) is not None:
+            words = "the ParameterBinding of the SignalDictionaryReference %s is left out; bind to a component"
+            logger.warning(words, reference.get("name"))
         for connector in reference.iterfind(child_path("ssd:Connectors", "ssd:Connector")):
             unit = next((unit for child in connector if (unit := child.get("unit"))), "")
             name = _required(connector, "name")
