@@ -239,6 +239,7 @@ class Trial(NamedTuple):
 
 def trials() -> dict[str, Trial]:
     """All attributes and elements of the schemas, the newer one first, by place and attribute."""
+    pytest.importorskip("pyssp_standard")
     xmlschema = pytest.importorskip("xmlschema")
     found: dict[str, Trial] = {}
     for version in ("ssp2", ""):
