@@ -13,7 +13,7 @@ from liaisons.expressions.algebra import closure, stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.constraints import ROUNDS
+from liaisons.mechanics.constraints import KEPT, ROUNDS
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
@@ -91,6 +91,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     point = [vectors[letter] for letter in "tyuk"]
     redundant = _count_redundant(equations, point, functions, starts)
     margin = _least(ca.vertsplit(independence), redundant)
+    if redundant:
+        functions["reach"] = _loosened(functions["reach"], len(reaches))
     return Model(
         **declared_fields(m),
         **functions,
@@ -111,6 +113,13 @@ def _least(values: Iterable[ca.SX], more: int) -> ca.SX:
         for i, other in enumerate(least):
             least[i], value = ca.fmin(other, value), ca.fmax(other, value)  # noqa: PLW2901 - it is handed on
     return least[-1]
+
+
+def _loosened(reach: ca.Function, count: int) -> ca.Function:
+    """Function ``reach`` that allows redundant constraints to contradict each other by what a start may."""
+    arguments = reach.sx_in()
+    (column,) = reach.call(arguments, True, False)
+    return ca.Function("reach", arguments, [ca.vertcat(column[:count] * (KEPT / (3 * CONSISTENT)), column[count:])])
 
 
 def _count_redundant(
