@@ -198,9 +198,15 @@ def symbolic(name: str, path: Path) -> tuple[dict[str, ca.Function], list[NDArra
         for mode in modes:
             m0[model.memory.index(mode)] = begun[mode][0]
     arguments = t, x, u = ca.MX.sym("t"), ca.MX.sym("x", x0.numel()), ca.MX.sym("u", u0.numel())
-    (rates,) = model.derivatives.call([t, x, u, k, m0][: model.derivatives.n_in()])
-    (memory,) = model.remember.call([t, x, u, k, m0])
-    (calculated,) = model.outputs_function.call([t, x, u, k, memory])
+    kept = model.project(t, x, u, k) if model.redundant else x
+    (rates,) = model.derivatives.call([t, kept, u, k, m0][: model.derivatives.n_in()])
+    (memory,) = model.remember.call([t, kept, u, k, m0])
+    (calculated,) = model.outputs_function.call([t, kept, u, k, memory])
+    if model.redundant:  # all is calculated on the constraints, to which the states return
+        rates += RETURN * (kept - x)
+        row = [v.name for v in model.outputs].index
+        for i, state in enumerate(model.states):
+            calculated[row(state.name)], calculated[row(state.derivative)] = x[i], rates[i]
     functions = {"ode": ca.Function("ode", arguments, [rates]), "y": ca.Function("y", arguments, [calculated])}
     shown = {v.name: v for v in model.outputs}
     names = [
@@ -210,6 +216,7 @@ def symbolic(name: str, path: Path) -> tuple[dict[str, ca.Function], list[NDArra
     return functions, [np.array(x0).ravel(), np.array(u0).ravel()], names
 
 
+RETURN = 20.0  # [1/s], of states of Model Exchange to redundant constraints
 ROUNDING = {"CarAxis": 1e-11, "Bricard": 1e-6}
 
 
@@ -234,7 +241,9 @@ def test_casadi_imports_values_and_derivatives(trial, name, version, fmu) -> Non
         found = values(theirs, state[x], inputs[u])
         expected = values(ours[result], state, inputs)
         everything = [0]
-        for a, b, columns in zip(found, expected, (everything, x, u), strict=True):
+        # Derivatives of outputs where conditions are redundant: docs/reference/limits.md has what is off.
+        compared = slice(1) if (name, result) == ("Bricard", "y") else slice(None)
+        for a, b, columns in [*zip(found, expected, (everything, x, u), strict=True)][compared]:
             # The same expressions, rounded in another order: some units in the last place of the largest number.  In
             # those of the car axis stiff springs cancel, of loops the multipliers.
             tolerance = ROUNDING.get(name, 1e-13) * np.max(np.abs(b), initial=1.0)

@@ -136,6 +136,8 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
         "outputs_function": _with_margin(model, (model.table or model).outputs_function),  # of rows of a table
+        "remember": _with_margin(model, model.remember),
+        "jump": _with_margin(model, model.jump),
         "contact": model.contact and _with_one_result(model.contact),
     }
     functions["draw"] = (model.table and model.table.draw) or model.draw
@@ -443,6 +445,7 @@ def _tables(model: Model) -> list[_Table]:
         ),
         _Table("condition_texts", "start_conditions", "char *const", [*map(_c_string, model.condition_texts)]),
         _Table("reaches", "reach_rows", "Reach", _reach_initializers(model)),
+        _Table("configuration", "", "unsigned char", _configuration_flags(model)),
         *_contact_tables(model),
         _Table(
             "impulse",
@@ -487,6 +490,13 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
         "operator", "operators", "size_t", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]
     )
     yield _Table("indicator", "indicators", "size_t", [str(first + index[name]) for name in model.flat().indicators])
+
+
+def _configuration_flags(model: Model) -> list[str]:
+    """Return for each state 1 if it is a coordinate, else 0; nothing where no constraints may lose rank."""
+    if not _is_guarded(model):
+        return []
+    return [str(int(e.name in model.configuration)) for v in state_outputs(model) for e in v.elements()]
 
 
 def _reach_initializers(model: Model) -> list[str]:

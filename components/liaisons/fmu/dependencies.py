@@ -30,7 +30,16 @@ def running_dependencies(model: Model) -> Pattern:
     """Return which outputs (rows) depend on which of time, states, inputs and parameters (columns), by variables."""
     m = _shortened_chain(model)
     groups = {0: (TIME,), 1: state_outputs(m), 2: m.inputs, 3: m.parameters}
-    return _variable_pattern(running_outputs(m), m.outputs, groups)
+    return _variable_pattern(_with_projection(m, running_outputs(m)), m.outputs, groups)
+
+
+def _with_projection(model: Model, function: ca.Function) -> ca.Function:
+    """Return a function of (t, y, u, k, ...) on redundant constraints next to y, as Model Exchange calculates it."""
+    if not model.redundant or model.project is None:
+        return function
+    t, y, u, k, *m = function.mx_in()
+    kept = model.project.call([t, y, u, k])
+    return ca.Function("kept", [t, y, u, k, *m], function.call([t, *kept, u, k, *m]))
 
 
 def initial_dependencies(model: Model) -> Pattern:

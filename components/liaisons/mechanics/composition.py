@@ -70,6 +70,7 @@ def compose(
         start_only=sum(part.start_only for part in parts),
         redundant=sum(part.redundant for part in parts),
         reaches=_concatenated(parts, "reaches"),
+        configuration=_concatenated(parts, "configuration"),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_prefixed_equations(models, connections)),
     )
@@ -104,6 +105,7 @@ def _prefixed(part: str, model: Model) -> Model:
         },
         states=tuple(State(*map(full, state)) for state in model.states),
         memory=tuple(map(full, model.memory)),
+        configuration=tuple(map(full, model.configuration)),
         contacts=tuple(contact.renamed(full) for contact in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
         reaches=tuple(Reach(f"{part}: {r.text}", tuple(map(full, r.prescribed))) for r in model.reaches),

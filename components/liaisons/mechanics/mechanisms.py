@@ -100,6 +100,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         redundant=redundant,
         margin=None if margin.is_constant() else ca.Function("margin", point, [margin]),
         reaches=reaches,
+        configuration=tuple(m.motion_names("quaternion")),
         equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,

@@ -147,6 +147,7 @@ class Model(Layout):
     reach: ca.Function | None = None
     reaches: tuple[Reach, ...] = ()  # one a constraint
     margin: ca.Function | None = None  # how far the constraints are from losing rank
+    configuration: tuple[str, ...] = ()  # names of the states that are coordinates, of a mechanism
     start_only: int = 0  # count of the last conditions, which hold at the start alone
     redundant: int = 0  # count of constraints that follow from the others on all of them
     module: str = ""  # where the component is declared

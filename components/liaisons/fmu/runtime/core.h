@@ -135,6 +135,7 @@ typedef struct {
     const Dimension *dimensions;
     const char *const *condition_texts;
     const Reach *reaches;
+    const unsigned char *configuration; /* of each state whether it is a coordinate; NULL unless guarded */
     Function *start;         /* (t, u, k) -> (y, m) */
     Motion motions[ACTIVITIES]; /* by what inputs do; the last ones are always right, the others are shorter */
     Function *calculate;     /* (t, y, u, k, m) -> z */

@@ -264,6 +264,7 @@ Status core_exit_initialization(Instance *self) {
     core_follow(self);
     core_note_impulses(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
+    if (self->model->redundant > 0) self->known.current = 0; /* from now on all is calculated on the constraints */
     self->s->jumped = self->model->columns > 0; /* a table's knots may ask for what was read */
     return SUCCESS;
 }

@@ -29,6 +29,28 @@ static double aside(Instance *self, Function *function, double t, const double y
     return self->call.margin;
 }
 
+/* Limit of number i at a time, from those on both sides; of sixth order. */
+static double limit_of(double *const r[], size_t i) {
+    return (15 * (r[0][i] + r[1][i]) - 6 * (r[2][i] + r[3][i]) + r[4][i] + r[5][i]) / 20;
+}
+
+/* Parts of the rates of coordinates by which those on both sides, and their limit and the present ones f, may differ. */
+static const double TURNED = 0.5, OFF = 1e-4;
+
+/* Whether rates r on both sides are those of a motion that passes.  Near a dead point, where two positions become one, a
+ * coordinate turns, or the times aside lead to the other position: rates there say nothing of the present ones. */
+static int passes(const Instance *self, const double f[], double *const r[], double margin) {
+    const Model *model = self->model;
+    double fastest = 0, turned = 0, off = 0;
+    for (size_t i = 0; i < model->coupled; i++) {
+        if (!model->configuration[i]) continue;
+        fastest = fmax(fastest, fmax(fabs(r[0][i]), fabs(r[1][i])) / self->v.size[i]);
+        turned = fmax(turned, fabs(r[0][i] - r[1][i]) / self->v.size[i]);
+        off = fmax(off, fabs(limit_of(r, i) - f[i]) / self->v.size[i]);
+    }
+    return turned <= TURNED * fastest && (off <= OFF * fastest || margin < POLE);
+}
+
 /* Whether an output is a multiplier: forces inside of a mechanism may be infinite where all others are not. */
 static int is_multiplier(const Instance *self, size_t output) {
     return strstr(core_name(self, self->model->parameters + self->model->inputs + output), "lambda_") != NULL;
@@ -38,7 +60,6 @@ long core_take_limits(Instance *self, Function *function, double t, const double
     const Model *model = self->model;
     double *f = self->scratch.aside + model->inputs + 2 * model->states, *r[2 * ASIDE], fastest = 0, h = 0;
     long without = -1;
-    if (!(self->v.size[0] > 0)) core_measure(self);
     memcpy(self->scratch.aside, self->v.u, model->inputs * sizeof *self->v.u);
     for (size_t k = 0; k < 2 * ASIDE; k++) r[k] = f + model->states + k * (model->states + model->outputs);
     evaluate(self, derivatives_of(model), t, y, f);
@@ -48,10 +69,13 @@ long core_take_limits(Instance *self, Function *function, double t, const double
         if (aside(self, derivatives_of(model), t, y, f, h, r[0]) > WIDE
             && aside(self, derivatives_of(model), t, y, f, -h, r[0]) > WIDE)
             break;
-    if (h * fastest < LAST) {
+    const int is_near = h * fastest < LAST;
+    for (size_t k = 0; is_near && k < 2 * ASIDE; k++)
+        aside(self, derivatives_of(model), t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
+    if (is_near && passes(self, f, r, margin)) {
         for (size_t k = 0; k < 2 * ASIDE; k++) aside(self, function, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
         for (size_t i = 0; i < n; i++) {
-            const double near = r[0][i] + r[1][i], limit = (15 * near - 6 * (r[2][i] + r[3][i]) + r[4][i] + r[5][i]) / 20;
+            const double near = r[0][i] + r[1][i], limit = limit_of(r, i);
             const double change = fabs(r[0][i] - r[1][i]), before = fabs(r[2][i] - r[3][i]);
             if (change > 0.9 * before && change > APART * fabs(near) + TINY) { /* a pole, or a jump */
                 if (without < 0 || (function == model->calculate && is_multiplier(self, (size_t)without))) without = (long)i;
