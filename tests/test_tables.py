@@ -254,7 +254,7 @@ def test_a_property_of_tables(what: Property, reader: str, tmp_path: Path) -> No
 
 PAGE_TEXT = """# Tables
 
-One reader serves `--input` of `liaisons simulate`, `identify`, `compare`, `Result.from_csv` and `from_parquet`: CSV with
+One reader serves `--input` of `liaisons simulate`, `identify`, `compare`, `Result.from_csv`, `from_parquet`: CSV with
 commas, semicolons or tabulators; Parquet; where arrays are taken, data frames of pandas, too. What it obeys, lists as
 left out, or refuses by file, line and column, is tried by `tests/test_tables.py`, which wrote this list:
 

@@ -144,7 +144,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     **keywords(
         "identify", lambda _, **w: identify("Pendulum", MEASURED, **UNKNOWN | w), unknown=(),
         noise=NONE, each=(), bounds=NOTHING, prior=NOTHING, loss=(), operators=NOTHING, measured=NOTHING,
-        ignore=(str,), smoothing=NONE, start_time=int, segments=NONE, tolerance=NUMBER, start_values=NOTHING,
+        ignore=(str,), smoothing=NONE, start_time=NONE, segments=NONE, tolerance=NUMBER, start_values=NOTHING,
         length=NUMBER,
     ),
     "identify bound": (lambda _, w: identify("Pendulum", MEASURED, ["length"], bounds={"length": w}), ()),

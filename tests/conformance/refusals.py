@@ -74,6 +74,8 @@ CASES = (
         "input outside its domain, set",
         "Pendulum",
         "length = -0.05 at t = 1: it must be > 0",
+        {"input_reconstruction": 0},  # its rates, which are not set, stay 0
+        masters=_NOT_OURS,  # which sets rates, too
         ramp=("length", 1.0, -1.05),
     ),
     Case("parameter outside its domain", "Pendulum", "mass = -1 at t = 0: it must be > 0", {"mass": -1.0}),

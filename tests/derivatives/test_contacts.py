@@ -428,7 +428,7 @@ def test_fits_go_through_impacts_and_stick_slip(subject: str, signal: str, value
     noise = 1e-3 * np.random.default_rng(0).normal(size=len(times))
     data = {"time": times, signal: closed_form(times, **values, **others)[signal] + noise}
     near = {name: 1.03 * value for name, value in values.items()}
-    fit = identify(subject, data, unknown=list(values), noise=1e-3, start_values=near | others)
+    fit = identify(subject, data, unknown=list(values), noise=1e-3, start_values=near | others, start_time=0.0)
     for (name, value), deviation in zip(values.items(), np.sqrt(np.diag(fit.covariance)), strict=True):
         assert abs(fit.values[name] - value) < 4 * deviation < 0.01
 

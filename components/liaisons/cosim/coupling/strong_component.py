@@ -211,7 +211,7 @@ class StrongComponent:
     def _raise_divergence(self) -> NoReturn:
         worst = int(self._unknowns[int(np.argmax(self._errors))]) % self._signals.count
         signal = ".".join(self._signals.references[worst])
-        if self._bus.size.value == 0:  # contacts that choose by each other have no agreement, however long it takes
+        if self._implicit and self._bus.size.value == 0:  # contacts that choose by each other may have no agreement
             cure = "give other start values, or make one FMU of the system by flatten()"
         else:
             cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")

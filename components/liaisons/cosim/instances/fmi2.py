@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
 from functools import cache
-from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, final
 
 import fmpy
@@ -23,7 +22,6 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import logging
 
-from liaisons.base.folders import process_folder
 from liaisons.cosim.arrays import Numbers, pointer_to
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.buffer_layouts import counted_buffer, value_references
@@ -140,5 +138,5 @@ def _callbacks(environment: int) -> fmi2CallbackFunctions:
 @cache
 def _add_logger_proxy() -> Callable[[Any], None]:
     """FMPy's function that adds the proxy, in a copy of its library: the logger that FMPy remembers stays its own."""
-    folder = Path(mkdtemp(dir=process_folder()))
-    return CDLL(str(shutil.copy(logging._name, folder))).addLoggerProxy  # noqa: SLF001 - the path of the library
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # not needed once it is loaded
+        return CDLL(str(shutil.copy(logging._name, folder))).addLoggerProxy  # noqa: SLF001 - the path of the library

@@ -27,9 +27,9 @@ _STEPS = 100
 _EXCHANGE = 30.0
 """As many steps does an importer's solver take for one: BDF of order 2 instead of a method of order 8."""
 _UNCONTROLLED = 0.01
-"""Part of the energies that an account may be off by along steps of whose size it has no say: symplectic ones, which are
-chosen whatever the tolerance, and those of the stiff solver, which looks at the motion alone."""
-_WITHOUT_SAY = {"symplectic_steps", "stiff_solver"}
+"""Part of the energies that an account may be off by along steps whose size it does not control: symplectic ones, which
+are chosen whatever the tolerance, and those of the stiff solver, which looks at the motion alone."""
+_CHOOSE_STEPS = {"symplectic_steps", "stiff_solver"}
 _ROUNDING, _MOST = 1e-6, 0.5
 """Least part, for roundings of sums and of long runs, and largest, for tolerances of 1e-2."""
 _ENERGIES = ("kinetic_energy", "potential_energy", "work", "dissipated")
@@ -99,7 +99,7 @@ class Watchdog:
         for ((owner, name), *_), (balance, *energies) in zip(self._accounts, self._columns, strict=True):
             part = self._simulation.parts[owner]
             steps = max(len(times), _STEPS) * (_EXCHANGE if part.fmu.is_model_exchange else 1.0)
-            least = _UNCONTROLLED if _WITHOUT_SAY & part.starts.keys() else _ROUNDING
+            least = _UNCONTROLLED if _CHOOSE_STEPS & part.starts.keys() else _ROUNDING
             margin = min(max(steps * self._tolerance(part), least), _MOST)
             off = np.nan_to_num(np.abs(rows[:, balance]))
             worst = int(np.argmax(off))
