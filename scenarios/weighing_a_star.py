@@ -43,7 +43,9 @@ def main(claim: Claims) -> None:
     def fitted(unknown: list[str], guess: dict[str, float], last: float) -> Any:
         now = times <= last
         data = {"time": times[now], "x": x[now], "y": y[now]}
-        return identify("KeplerOrbit", data, unknown=unknown, noise={"x": NOISE, "y": NOISE}, start_values=guess)
+        return identify(
+            "KeplerOrbit", data, unknown=unknown, noise={"x": NOISE, "y": NOISE}, start_values=guess, start_time=0.0
+        )
 
     fits, guess = [], {name: 1.05 * value for name, value in TRUTH.items()}
     for share in SHARES:  # each starts where the last one ended

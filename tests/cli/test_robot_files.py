@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -73,7 +74,7 @@ def test_inertia_is_balanced_if_requested(liaisons: Cli, tmp_path: Path) -> None
     balanced = liaisons("equations", "odd.urdf", "--balance-inertia")
     assert balanced.status == 0, balanced.err
     assert "left out: inertia of link 'block' as printed: its principal moments are balanced" in balanced.err
-    both = components(f"{tmp_path / 'odd.urdf'}:slide:limits:balance-inertia")[0]
+    both: Any = components(f"{tmp_path / 'odd.urdf'}:slide:limits:balance-inertia")[0]
     assert (both.slide.maximum, both.block_inertia_zz.start) == (0.5, 2)
 
 

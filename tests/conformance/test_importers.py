@@ -198,7 +198,7 @@ def symbolic(name: str, path: Path) -> tuple[dict[str, ca.Function], list[NDArra
         for mode in modes:
             m0[model.memory.index(mode)] = begun[mode][0]
     arguments = t, x, u = ca.MX.sym("t"), ca.MX.sym("x", x0.numel()), ca.MX.sym("u", u0.numel())
-    kept = model.project(t, x, u, k) if model.redundant else x
+    kept = model.project(t, x, u, k) if model.redundant and model.project else x
     (rates,) = model.derivatives.call([t, kept, u, k, m0][: model.derivatives.n_in()])
     (memory,) = model.remember.call([t, kept, u, k, m0])
     (calculated,) = model.outputs_function.call([t, kept, u, k, memory])

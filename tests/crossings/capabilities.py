@@ -272,7 +272,7 @@ def try_watchdog(workshop: Workshop, kind: str) -> None:
             has_account.append(name)
         other.add(name, path, start_values=part.starts)
     other.join(system.connections)
-    settings = RUN | {"record": [before + next(iter(SUBJECTS[kind].signals()))]}
+    settings: dict[str, Any] = RUN | {"record": [before + next(iter(SUBJECTS[kind].signals()))]}
     right, wrong = (
         [warning for warning in one.simulate(**settings).warnings if "energy account does not close" in warning]
         for one in (system, other)

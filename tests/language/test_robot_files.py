@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from liaisons import Linkage, build, derive, operator, simulate
+from liaisons import Linkage, Rod, build, derive, operator, simulate
 from liaisons.errors import ComponentError
 from liaisons.models import Sinusoid
 
@@ -215,7 +215,7 @@ def test_shapes_of_links_are_drawn() -> None:
 def test_a_cylinder_is_a_rod_of_its_length(tmp_path: Path) -> None:
     geom = '<geom type="cylinder" size="0.1 0.7" pos="0 0 3" xyaxes="0 1 0 0 0 1"/>'  # along x
     m = mjcf(tmp_path, f'<body name="b"><joint name="j" axis="1 0 0"/>{geom}</body>')()
-    (rod,) = (shape for shape in m.picture() if type(shape).__name__ == "Rod")
+    (rod,) = (shape for shape in m.picture() if isinstance(shape, Rod))
     ends = [[float(ca.evalf(ca.substitute(x, m.free.q, 0))) for x in end.values()] for end in (rod.start, rod.end)]
     np.testing.assert_allclose(ends, [[-0.7, 0, 3], [0.7, 0, 3]], rtol=0, atol=1e-15)  # rounding of a rotation
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from on_paper import State, equations_of
@@ -80,9 +82,14 @@ def test_torque_of_a_driven_parallelogram_has_its_limit_at_flat(fmu, after: floa
 
     angle, rate, _ = turn(0.0)
     start = {"elbow_0": -angle, "swing_0": angle, "elbow_dot_0": -rate, "swing_dot_0": rate}
-    lengths = {"pin_at_x": 1.5, "pin_at_child_x": CRANK}
+    lengths: dict[str, Any] = {"pin_at_x": 1.5, "pin_at_child_x": CRANK}
     run = simulate(
-        fmu(FourBar), stop_time=0.5, step_size=0.05, tolerance=tolerance, inputs={"turn": turn}, **lengths, **start
+        fmu(FourBar),
+        stop_time=0.5,
+        step_size=0.05,
+        tolerance=tolerance,
+        inputs={"turn": turn},
+        start_values=lengths | start,
     )
     phi = np.array([turn(t)[0] for t in run.time])
     expected = MOMENT * ACCELERATION + WEIGHTS * np.cos(phi)

@@ -265,7 +265,8 @@ def _random_constrained_states(equations: Equations, values: tuple[tuple[str, fl
     states = random_states(equations, dict(values), wide=True)
     constraints, free = equations.constraints, equations.mechanism.free
     residuals = ca.norm_1(ca.vertcat(constraints.residuals, constraints.rate_residuals))
-    projection = ca.SX(equations.projection)
+    assert equations.projection is not None  # constraints have one
+    projection = equations.projection
     steps = ((ca.vertcat(free.q, free.p), projection), (free.q_dot, equations.velocities))
     for column, moved in steps * _ROUNDS:
         rows = Quantity(equations, moved).numbers(states)

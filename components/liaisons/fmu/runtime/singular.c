@@ -6,7 +6,7 @@
 /* Margin from which on numbers are good enough to have limits calculated from them. */
 static const double WIDE = 4e-5;
 /* First time aside and the last one, in which a state moves by these parts of its size. */
-static const double FIRST = 1e-3, LAST = 1;
+static const double FIRST = 1e-3, LAST = 0.3;
 /* Parts of a number by which both sides differ if it is no limit, and by which a limit is another number than it; what is
  * rounding of numbers that are 0. */
 static const double APART = 1e-3, OTHER = 1e-9, TINY = 1e-9;
