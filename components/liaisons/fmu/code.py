@@ -289,7 +289,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _is_guarded(model: Model) -> bool:
-    """Return whether rates and outputs say how far constraints are from losing rank, which something is driven through."""
+    """Return whether rates and outputs say how far constraints, which something drives, are from losing rank."""
     straight = model.table is None and not model.programs and bool(model.active)
     return straight and model.margin is not None and model.margin.is_a("SXFunction")
 
