@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,16 @@ def test_dataclasses_are_frozen() -> None:
             if isinstance(node, ast.ClassDef) and node.name not in changing:
                 decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
                 assert all("frozen=True" in text for text in decorators if text.startswith("dataclass")), node.name
+
+
+def test_one_constant_has_one_docstring() -> None:
+    """Only the numbers of one enumeration share theirs."""
+    for path in (ROOT / "components").rglob("*.py"):
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        for node, following in pairwise(body):
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple):
+                documented = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
+                assert not documented or ast.unparse(node.value).startswith("range("), f"{path}:{node.lineno}"
 
 
 def test_one_name_is_one_thing() -> None:

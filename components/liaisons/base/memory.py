@@ -9,8 +9,10 @@ from pathlib import Path
 
 from liaisons.errors import SimulationError
 
-_POINT, _SIGNAL = 40, 16
-"""Bytes that a communication point takes, and each signal at it: on the bus's rows and in the result."""
+_POINT = 40
+"""Bytes that a communication point takes."""
+_SIGNAL = 16
+"""Bytes that a signal takes at a communication point: in the row of the bus and in the result."""
 _ALWAYS_FREE = 1e8
 """Bytes below which free memory is not looked up."""
 

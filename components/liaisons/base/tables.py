@@ -22,8 +22,10 @@ from liaisons.base.arrays import Floats
 from liaisons.base.units import is_unit, size_in_si
 from liaisons.errors import LiaisonsError
 
-COUPLING_ERROR, ERROR_OF = "coupling_error", "error of "
-"""Names of columns with estimates of errors, which follow the signals of a result."""
+COUPLING_ERROR = "coupling_error"
+"""Name of the column with the estimate of the coupling error."""
+ERROR_OF = "error of "
+"""How the name of a column with the estimated error of a signal begins."""
 _CELLS = {"": np.nan, "nan": np.nan, "na": np.nan, "n/a": np.nan, "null": np.nan, "none": np.nan, "<na>": np.nan} | {
     "true": 1.0,
     "false": 0.0,

@@ -12,8 +12,10 @@ import numpy as np
 from liaisons.base.arguments import shown
 from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula
 
-_POINTS, _MOST = 501, 20
-"""Between which maxima are searched for, and how many at most are looked at."""
+_POINTS = 501
+"""Points between which maxima are searched for."""
+_MOST = 20
+"""Most maxima that are looked at."""
 Expression = Callable[[float], tuple[float, float, float]]
 """A function of time [s]: value, rate, acceleration."""
 

@@ -32,8 +32,10 @@ from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
 
-_SHOWN, _WIDEST = 20, 200
-"""Components, connections, and characters of each, that are printed."""
+_SHOWN = 20
+"""Most components, and most connections, that are printed."""
+_WIDEST = 200
+"""Most characters of one that are printed."""
 
 
 @final

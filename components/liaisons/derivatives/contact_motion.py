@@ -29,9 +29,12 @@ from liaisons.derivatives.motion import (
 )
 from liaisons.derivatives.steps import METHOD, Floats, Segment
 
-_AT_EVENT, _CONSTANT, _NEGLIGIBLE = 1e-12, 1e-6, 1e-9
-"""Relative distance of a recorded time from an event at which there are two derivatives; largest derivative of a number
-that stays 0, relative to its terms, and to its scale over the value."""
+_AT_EVENT = 1e-12
+"""Relative distance of a recorded time from an event at which there are two derivatives."""
+_CONSTANT = 1e-6
+"""Largest derivative of a number that stays 0, relative to the terms of the derivative."""
+_NEGLIGIBLE = 1e-9
+"""The same, relative to the scale of the number over the value."""
 
 
 @final

@@ -20,8 +20,10 @@ from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
 from liaisons.results import Result
 
-_INTERVALS, _MOST = 200, 1e6
-"""Between recorded times, unless their distance is set; and at most, as derivatives at more do not fit into memory."""
+_INTERVALS = 200
+"""Number of intervals between recorded times, unless their distance is set."""
+_MOST = 1e6
+"""Most such intervals: derivatives at more do not fit into memory."""
 
 
 @final

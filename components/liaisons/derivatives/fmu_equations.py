@@ -26,10 +26,14 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.derivatives.steps import Floats
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 
-DIFFERENCES, _COMPARED = (1e-3, 5e-4), 1e-4
-"""Sizes of differences that are extrapolated, and of one to compare with, relative to that of the variable."""
-_AGREEMENT, _NOISE = 1e-3, 1e-6
-"""Relative error of these differences, and of the values themselves."""
+DIFFERENCES = (1e-3, 5e-4)
+"""Sizes of differences that are extrapolated, relative to that of the variable."""
+_COMPARED = 1e-4
+"""Size of the difference that the extrapolated one is compared with, relative to that of the variable."""
+_AGREEMENT = 1e-3
+"""Relative error of these differences."""
+_NOISE = 1e-6
+"""Relative error of the values themselves."""
 
 
 @final

@@ -41,9 +41,12 @@ if TYPE_CHECKING:
 
 _RUN_SIZES = (4e-3, 2e-3, 1e-3)
 """Sizes of differences of runs, relative to those of the values."""
-_SMOOTH_ERROR, _SWITCHED_ERROR, _NOISE = 1e-3, 1e-5, 1e-6
-"""Largest relative contradiction of differences: in general, and where discrete variables of the runs differ; and of
-the signals over the change of a value, what the tolerances of two runs add."""
+_SMOOTH_ERROR = 1e-3
+"""Largest relative contradiction of differences."""
+_SWITCHED_ERROR = 1e-5
+"""The same where discrete variables of the runs differ."""
+_NOISE = 1e-6
+"""What the tolerances of two runs add to signals, relative to the change of a value."""
 _MOST_CALLS = 200_000
 """Evaluations of the equations in one motion."""
 _ROUNDING = 1e-12

@@ -29,11 +29,14 @@ Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 _AHEAD = 1e-2  # part of a segment in which a reason is looked for where no step is small enough
 _EVENT_MARGIN = 8
 """Distance from an event, in units in the last place of its time, at which the equations of one side hold."""
-_STEP_TOLERANCE, _LEAST_TOLERANCE = 0.002, 4e-15
-"""Allowed difference of a step and two halves, over the tolerance, for derivatives have larger errors than states; and
-the least one, a rounding."""
-CHUNK_NUMBERS, STAGE_NUMBERS = 2**21, 2**25
-"""Most states of stages in memory: of the steps of one chunk, and of all steps."""
+_STEP_TOLERANCE = 0.002
+"""Allowed difference of a step and two halves, over the tolerance: derivatives have larger errors than states."""
+_LEAST_TOLERANCE = 4e-15
+"""Least allowed difference, a rounding."""
+CHUNK_NUMBERS = 2**21
+"""Most states of stages of one chunk of steps in memory."""
+STAGE_NUMBERS = 2**25
+"""Most states of stages of all steps in memory."""
 ROUNDING_OF_INPUTS = 1e-9
 """Largest relative jump of an input that is rounding."""
 

@@ -18,8 +18,10 @@ import casadi as ca
 from liaisons.base.arguments import shown
 from liaisons.errors import FormulaError, LiaisonsError, suggestion
 
-_LONGEST, _DEEPEST = 1000, 200
-"""Characters, and levels of brackets and signs."""
+_LONGEST = 1000
+"""Most characters of a formula."""
+_DEEPEST = 200
+"""Most levels of brackets and signs."""
 
 FUNCTIONS: Mapping[str, Callable[..., ca.SX]] = {
     **{name: getattr(ca, name) for name in ("sin", "cos", "tan", "atan2", "exp", "log", "sqrt", "tanh")},

@@ -13,8 +13,10 @@ _ABOVE = str.maketrans("0123456789-−+()Tn", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻
 _BELOW = str.maketrans("0123456789aehijklmnoprstuvxβγρφχ", "₀₁₂₃₄₅₆₇₈₉ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓᵦᵧᵨᵩᵪ")
 _FRACTIONS = {"1/2": "½", "1/3": "⅓", "2/3": "⅔", "1/4": "¼", "3/4": "¾", "1/6": "⅙", "1/8": "⅛", "3/8": "⅜"}
 _DOTS, _BEHIND = ("", "\u0307", "\u0308"), ("", "˙", "¨")
-FIRM, SOFT = "\u00a0", "\u202f"
-"""Blanks at which no line breaks, and at which one breaks where there is no other way."""
+FIRM = "\u00a0"
+"""Blank at which no line breaks."""
+SOFT = "\u202f"
+"""Blank at which a line breaks where there is no other way."""
 
 
 def wrapped_lines(text: str, columns: int) -> list[str]:

@@ -41,11 +41,15 @@ _FUNCTIONS = {"fabs": "abs", "fmin": "min", "fmax": "max"}
 EXPANSIONS = (1, 12, 60)
 """Ways to write a formula: products of sums left alone, or expanded up to so many terms; the shortest one is taken."""
 
-SHORT, LONGEST = 18, 200
-"""Operations up to which a formula is written without abbreviations, and up to which it is written at all."""
+SHORT = 18
+"""Operations up to which a formula is written without abbreviations."""
+LONGEST = 200
+"""Operations up to which a formula is written at all."""
 
-ONE_LINE, LOOSER = 22, 1.35
-"""Operations that fit on a line, and how many times longer a formula may be if that breaks it between terms."""
+ONE_LINE = 22
+"""Operations that fit on a line."""
+LOOSER = 1.35
+"""How many times longer a formula may be if that breaks it between terms."""
 
 WORTH_A_NAME = 4
 """Operations from which on a repeated bracket of a long formula gets a name."""

@@ -28,8 +28,10 @@ _DRIFT_RADIANS = 100
 """Radians of the free motion in which biases and unknown forces drift by their standard deviations."""
 _START_PART = 0.1
 """Standard deviations of states at the start of a plan, relative to sizes, unless given."""
-_OFF, _ROUNDING = 1e-6, 1e-11
-"""What Riccati's equation may be off by, relative to the covariance that a period adds, and to the solution."""
+_OFF = 1e-6
+"""What Riccati's equation may be off by, relative to the covariance that a period adds."""
+_ROUNDING = 1e-11
+"""The same, relative to the solution."""
 _LARGEST = 1e100
 """Numbers below it have squares."""
 _CIRCLE = 1e-6

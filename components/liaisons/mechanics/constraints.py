@@ -27,9 +27,10 @@ _HELD = 1e-4
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
 
-KEPT, KEPT_RATE = 1e-9, 1e-7
-"""Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept; that of rates,
-which momenta give only as exactly as the mass matrix is conditioned."""
+KEPT = 1e-9
+"""Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept."""
+KEPT_RATE = 1e-7
+"""The same of its rate, which momenta give only as exactly as the mass matrix is conditioned."""
 
 ROUNDING = 1e-13
 """Residual, in its own unit, that is rounding where its gradient vanishes."""

@@ -8,10 +8,14 @@ import casadi as ca
 
 from liaisons.expressions.algebra import gradient, solve_symmetric
 
-CHOSEN, FULL, HALVINGS = 8, 4, 8
-"""Steps whose length is chosen, down to 2^-HALVINGS, and full ones, each of which doubles the digits.
+CHOSEN = 8
+"""Newton steps whose length is chosen.
 
-With these a point mass in special relativity converges for Lorentz factors up to 100."""
+With these numbers a point mass in special relativity converges for Lorentz factors up to 100."""
+FULL = 4
+"""Full steps that follow, each of which doubles the digits."""
+HALVINGS = 8
+"""How often the length of a step is halved at most."""
 
 CONVERGED = 1e-10
 """Part of the terms of a momentum that may be missing after the last step: rounding, by the square of such a factor."""

@@ -26,9 +26,12 @@ from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contact
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
 
-_STATES, _NEARBY, _RANK = 3, 0.01, 1e-6
-"""States at which redundant constraints are looked for, their distance from the start in nominal values, and singular
-values that are 0, where rows of the constraints' matrix are of order 1."""
+_STATES = 3
+"""Number of states at which redundant constraints are looked for."""
+_NEARBY = 0.01
+"""Distance of these states from the start, in nominal values."""
+_RANK = 1e-6
+"""Singular values below this are 0, where rows of the constraints' matrix are of order 1."""
 
 _PRINTED = 200
 """Operations of the Lagrangian of a linkage from which on its equations are written frame by frame."""

@@ -40,14 +40,18 @@ from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.model import Contact, Model
 
-OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
-"""Margins, relative to the scale of a number, by which it is beyond 0 when its event indicator crosses 0."""
+OPEN_MARGIN = 1e-13
+"""Part of its scale by which a distance or a rate is beyond 0 when its event indicator crosses 0."""
+FORCE_MARGIN = 1e-12
+"""The same of a force."""
 
 SAME = 1e-10
 """Largest contradiction between the accelerations of redundant contacts, relative to their scale."""
 
-MOST_CONTACTS, _SAMPLES = 64, 5
-"""Of one model, as in complementarity.h; and configurations in which redundant contacts are sought."""
+MOST_CONTACTS = 64
+"""Most contacts of one model, as in complementarity.h."""
+_SAMPLES = 5
+"""Number of configurations in which redundant contacts are looked for."""
 
 LEAVING = 1e-3
 """Factor of the rate of a growing gap in its indicator, so that errors right after an impact are no event."""

@@ -23,8 +23,10 @@ Expression: TypeAlias = "Callable[[Readings], Any] | str"
 Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
-_SHORTEST, _LONGEST = 1e-100, 1e100
-"""Durations [s] whose squares are numbers."""
+_SHORTEST = 1e-100
+"""Shortest duration whose square is a number [s]."""
+_LONGEST = 1e100
+"""Longest duration whose square is a number [s]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,12 @@ _EXTENSION = 1.3
 """Duration of a way that ends in motion, relative to that of the motion: it is cut off before it comes to rest."""
 _LOOPS_TRIED = 4
 """Number of loops of which the one that misses the end least becomes a start."""
-_DIRECTIONS, _REACHES, _PARTS = (4, 5, 6), (1.0, 3.0, 10.0, 30.0), (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Directions of far motions, distances in units of sizes, and parts of these."""
+_DIRECTIONS = (4, 5, 6)
+"""Directions of far motions."""
+_REACHES = (1.0, 3.0, 10.0, 30.0)
+"""Distances of far motions, in units of sizes."""
+_PARTS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Parts of these distances that are tried."""
 _PRIMES = (2, 3, 5, 7, 11, 13)
 _AMPLITUDES = (0.02, 0.5, 0.1, 1.5)
 """Amplitudes of the waves on successive ways."""

@@ -19,8 +19,10 @@ _INVARIANT_SPREAD = 1e-9
 error."""
 _INVARIANT_MISS = 1e-3
 """Miss of an invariant end, in units of its size, above which it is refused."""
-_STATES, _SCALES = 40, (-2, 4)
-"""States at which expressions are looked at, and powers of ten of their distances from the start."""
+_STATES = 40
+"""Number of states at which expressions are looked at."""
+_SCALES = (-2, 4)
+"""Range of the powers of ten of their distances from the start."""
 
 
 def refuse_invariants(problem: Problem) -> None:

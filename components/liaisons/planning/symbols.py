@@ -36,8 +36,10 @@ from liaisons.planning.goals import (
 
 ROUNDING = 1e-10
 """Values below this, in units of their sizes, count as 0."""
-_WIDE_STATES, _SCALES = 24, (-2, 4)
-"""Number of states far and near, and powers of ten of their distances in units of sizes."""
+_WIDE_STATES = 24
+"""Number of states far and near."""
+_SCALES = (-2, 4)
+"""Range of the powers of ten of their distances, in units of sizes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,14 +29,18 @@ _Grid = tuple[Floats, Floats, NDArray[np.intp]]
 _Subplots = Callable[[Sequence[str], int], "Sequence[Axes]"]
 """Labels of groups of signals, and the number of columns -> a diagram a group."""
 
-DIAGRAMS, CURVES = 6, 8
-"""Most diagrams in a figure, and most curves in a diagram."""
+DIAGRAMS = 6
+"""Most diagrams in a figure."""
+CURVES = 8
+"""Most curves in a diagram."""
 _PIXEL = 1 / 200
 """Largest difference that cannot be seen, in heights of a diagram."""
 _CHANGING = 1 / 50
 """Least change of a signal, relative to its largest value, that can be seen in a diagram from 0."""
-_CHANGING_MARGIN, _STILL_MARGIN = 20, 1 / 2
-"""How far other signals, changing or not, may lie outside the range of the first ones, in heights of that range."""
+_CHANGING_MARGIN = 20
+"""How far other signals that change may lie outside the range of the first ones, in heights of that range."""
+_STILL_MARGIN = 1 / 2
+"""The same for signals that do not change."""
 _ROUNDING = 1e-9
 """Largest rounding error, relative to the largest value of a unit, or to 1 for angles and numbers without unit."""
 

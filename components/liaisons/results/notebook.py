@@ -16,12 +16,16 @@ from liaisons.results.tables import summary
 
 _MOST_ROWS = 100
 """Rows of a table."""
-_MOST_BYTES, _MOST_FRAMES = 300_000, 120_000
-"""Largest page of a motion, and its frames [bytes]; :meth:`Result.animate` writes larger ones."""
+_MOST_BYTES = 300_000
+"""Largest page of a motion [bytes]; :meth:`Result.animate` writes larger ones."""
+_MOST_FRAMES = 120_000
+"""Largest size of the frames in such a page [bytes]."""
 _FRAME_HEIGHT = 420
 """Height of the page of a motion [px]."""
-_WIDTH, _HEIGHT = 120, 24
-"""Size of a small diagram [px]; one point a pixel at most."""
+_WIDTH = 120
+"""Width of a small diagram [px], at most one point a pixel."""
+_HEIGHT = 24
+"""Height of a small diagram [px]."""
 _ROUNDING = 1e-9
 """Largest rounding error of a signal, relative to its size; a smaller change is drawn as none."""
 

@@ -13,8 +13,10 @@ from liaisons.base.arguments import shown
 from liaisons.base.files import replacement_path
 from liaisons.errors import ValidityError
 
-_WIDTH, _HEIGHT = 5.2, 4.0
-"""Size of a panel [in]."""
+_WIDTH = 5.2
+"""Width of a panel [in]."""
+_HEIGHT = 4.0
+"""Height of a panel [in]."""
 
 
 def panels(

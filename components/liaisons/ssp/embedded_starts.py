@@ -28,8 +28,10 @@ from liaisons.ssp.parameters import starts_by_parameter, value_text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
-STARTS, ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
-"""In binaries that read start values, and in those that skip zeros."""
+STARTS = b"/starts.txt"
+"""What binaries contain that read start values."""
+ZEROS = b" = 0 before the first step: it stays "
+"""What binaries contain that skip zeros."""
 _DESCRIPTION = "modelDescription.xml"
 
 

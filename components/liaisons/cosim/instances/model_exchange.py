@@ -36,8 +36,10 @@ TOLERANCE = 1e-8
 """Relative tolerance, if neither the user nor the FMU gives one."""
 _ROUNDING = 1e-9
 """Relative difference of inputs, and part of a step beyond its end, that count as zero."""
-_CHATTER_SPAN, _MOST_EVENTS = 1e-12, 1000
-"""Part of a step, and number of events within it above which the FMU chatters."""
+_CHATTER_SPAN = 1e-12
+"""Part of a step in which the events of an FMU that chatters follow one another."""
+_MOST_EVENTS = 1000
+"""Number of events within that part above which the FMU chatters."""
 _MOST_STEPS = 100_000
 """Limit of solver steps and events in a communication step, as in our own FMUs."""
 _MOST_STATES = 10_000_000

@@ -30,8 +30,10 @@ from liaisons.cosim.structure.sources import time_rounding
 from liaisons.errors import RefusedError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
-_FIRST, _MOST = 4, 1000
-"""Steps between two communication points: the first number to try, and the largest."""
+_FIRST = 4
+"""Number of steps between two communication points that is tried first."""
+_MOST = 1000
+"""Largest number of steps between two communication points."""
 _MEMORY = 5
 """Number of points that are kept for the estimate."""
 _SHORTEST = 1e-12

@@ -36,8 +36,10 @@ _SHORT = 1e-9
 _APART = 4 * CLOCK_ERROR
 """The same, relative to a period of samples, which FMUs of ours take by one CLOCK_ERROR too early."""
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-_NODES, _WEIGHTS = (1 + _ROOTS) / 2, _WEIGHTS / 2
-"""Gauss's nodes and weights in a step: exact for the remainders of all polynomials that inputs follow."""
+_NODES = (1 + _ROOTS) / 2
+"""Gauss's nodes in a step: exact for the remainders of all polynomials that inputs follow."""
+_WEIGHTS = _WEIGHTS / 2
+"""Weights of these nodes."""
 _ONCE_TWICE = np.stack([_WEIGHTS, _WEIGHTS * (1 - _NODES)], axis=-1)
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
 _CUBIC = np.vander(_NODES, increasing=True) @ np.linalg.inv(np.vander(_THIRDS, increasing=True))
@@ -48,8 +50,10 @@ break may do so once, where it comes to lie at an end.
 """
 _NOTHING = 2e-14
 """Deviations below this, relative to the function, may be rounding."""
-_MOST, _OFTEN = 20, 3
-"""Breaks in a step, and number of steps with more, from which on a function is not searched any more."""
+_MOST = 20
+"""Most breaks in a step that are searched for."""
+_OFTEN = 3
+"""Number of steps with more breaks from which on a function is not searched any more."""
 
 
 @final

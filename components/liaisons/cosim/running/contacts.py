@@ -28,8 +28,10 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 
-_PEAK, _SLOPE = 2.2, 7.5
-"""Largest value and slope of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
+_PEAK = 2.2
+"""Largest value of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
+_SLOPE = 7.5
+"""Largest slope of the same remainder, relative to its mean."""
 _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12

@@ -31,11 +31,11 @@ ALLOWED = 1e-4
 """Error of a step, relative to the size of the signal, above which there is a warning."""
 _NUMBERS = 60_000
 """Number of values in a block of steps that is evaluated at once."""
-_BACK = 4
+_POINTS_BEFORE = 4
 """Number of points before a step that its estimate uses."""
-_SUDDEN = 1 / 50
+_LEAST_STEP_RATIO = 1 / 50
 """Smallest ratio of a step to its neighbour at which it serves the estimate; below, rounding prevails."""
-_NO_NEIGHBOUR = 1e-6
+_LEAST_NEIGHBOUR_RATIO = 1e-6
 """Ratio below which a neighbour tells nothing."""
 _SAFETY = 0.8
 
@@ -184,9 +184,9 @@ class Estimate:
         self._sizes = np.array([peaks[self._kinds == kind].max() for kind in kinds])
         serious = np.zeros(len(times))
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
-        block = max(_BACK, _NUMBERS // rows.shape[1])
+        block = max(_POINTS_BEFORE, _NUMBERS // rows.shape[1])
         for first in range(1, len(times), block):
-            begin, end = max(first - _BACK, 0), min(first + block, len(times))
+            begin, end = max(first - _POINTS_BEFORE, 0), min(first + block, len(times))
             signals = np.ascontiguousarray(rows[begin:end].T)
             ends = crossing[begin + 1 : end]
             errors[first:end] = self._estimate_block(signals, times[begin:end], first - begin, ends)
@@ -346,8 +346,8 @@ def _hermite_integrals(data: Vector, steps: Vector, crossing: Flags) -> Integral
     m, many = len(data), len(steps)
     sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
     before, after = sizes[:-2] / steps, sizes[2:] / steps
-    earlier = (before >= _SUDDEN) | (before >= after)
-    unknown = (before < _NO_NEIGHBOUR) & (after < _NO_NEIGHBOUR)
+    earlier = (before >= _LEAST_STEP_RATIO) | (before >= after)
+    unknown = (before < _LEAST_NEIGHBOUR_RATIO) & (after < _LEAST_NEIGHBOUR_RATIO)
     point = np.where(unknown, np.arange(many), np.arange(many) + np.where(earlier, -1, 2))
     x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # its time, in steps from the start
     scales = steps ** np.arange(m)[:, None]
@@ -381,13 +381,13 @@ def _cubic_integrals(values: Vector, steps: Vector, crossing: Flags) -> Vector:
 def _cubic_integrals_of_piece(values: Vector, steps: Vector) -> Vector:
     """∫ e for cubics through points of a smooth piece, by the remainder at one more point before the step."""
     differences = [values]
-    for order in range(1, min(_BACK, len(steps)) + 1):
+    for order in range(1, min(_POINTS_BEFORE, len(steps)) + 1):
         spans = sum(steps[k : len(steps) - order + 1 + k] for k in range(order))
         differences.append(np.diff(differences[-1]) / spans)
     highest = len(differences) - 1
-    if highest < _BACK:  # a polynomial that does without: of it, all is off
+    if highest < _POINTS_BEFORE:  # a polynomial that does without: of it, all is off
         return np.abs(differences[-1]).max(axis=1, keepdims=True) * steps ** (highest + 1)
     h, a, b = steps[3:], steps[2:-1], steps[2:-1] + steps[1:-2]
     whole = h**5 / 5 + (a + b - h) * h**4 / 4 + (a * b - h * (a + b)) * h**3 / 3 - h**3 * a * b / 2
-    once = differences[_BACK] * whole
+    once = differences[_POINTS_BEFORE] * whole
     return np.concatenate([once[:, :1] * (steps[:3] / steps[3]) ** 5, once], axis=1)

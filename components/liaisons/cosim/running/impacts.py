@@ -42,17 +42,25 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import RefusedError, SimulationError
 
 _MOST_ITERATIONS, _MOST_STEPS, _MOST_AT_ONCE = 50, 200, 1000
-_DIFFERENCE, _LEAST_DIFFERENCE = 1e-3, 1e-7
-"""Change of an unknown for derivatives, relative to it, and to its size, so that it stays in a linear piece."""
-_AGREEING, _ROUNDING, _MOST_ROUNDING = 1e-14, 8 * np.finfo(float).eps, 1e3
-"""Difference of both sides of an interface, relative to jumps, and to sums; by how much more it may be if it stays."""
+_DIFFERENCE = 1e-3
+"""Change of an unknown for derivatives, relative to the unknown, so that it stays in a linear piece."""
+_LEAST_DIFFERENCE = 1e-7
+"""Least such change, relative to the size of the unknown."""
+_AGREEING = 1e-14
+"""Difference of both sides of an interface, relative to jumps, up to which they agree."""
+_ROUNDING = 8 * np.finfo(float).eps
+"""The same, relative to the sums of which both sides are."""
+_MOST_ROUNDING = 1e3
+"""Factor by which the difference may be larger if further iterations leave it as it is."""
 _LOSS = "impact_loss"
 _GAIN = 1e-9
 """Energy that an impact may gain by rounding, relative to what its impulses exchange."""
 _AT_REST = 1e-12
 """Velocity of what slides that is rounding, relative to the largest one."""
-_CHANGES, _HALVINGS = 4.0 ** np.arange(-5, 7), 50
-"""Changes of an input that are tried, relative to it, and how often the interval that one ends is halved."""
+_CHANGES = 4.0 ** np.arange(-5, 7)
+"""Changes of an input that are tried, relative to the input."""
+_HALVINGS = 50
+"""How often the interval that a change ends is halved."""
 _EARLY = 1e-11
 """How long before an impact FMUs stop, relative to a communication step."""
 

@@ -66,20 +66,21 @@ from liaisons.cosim.structure.sources import SIGNALS, time_rounding
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
 
-_PORTION = 0.02  # [s] between two calls of on_progress, about
+_PROGRESS_INTERVAL = 0.02
+"""Time between two calls of on_progress, about [s]."""
 _MOST_IN_BATCH = 256
 """Most steps for which functions of time are evaluated at once."""
 _FEW_POINTS = 1024
 """Points for which there is room at first in a run without an end."""
-_TOGETHER = 1e-9
+_LEAST_IMPACT_DISTANCE = 1e-9
 """Time from an impact to a communication point below which they are one, relative to a step."""
-_SHORT = 1e-4
+_LEAST_EXTRAPOLATED_STEP = 1e-4
 """Size of a step in which inputs are extrapolated, as differences are rounding, relative to one between points."""
 _MOST_IMPACTS = 1000
 """Most impacts of several FMUs in a communication step."""
-_TINY = 1e-6
+_LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
-_LATE = 1e-3
+_UNNOTICED_DELAY = 1e-3
 """Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
 
 Reading = tuple[Sequence[Call], Vector, Callable[[Vector], Any]]
@@ -305,7 +306,7 @@ class Run:
                     instant, self._steps.step_across_break(time, instant), result_time=result_time, after_break=True
                 )
             self._points = done
-            many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
+            many = min(most, max(1, 2 * many if perf_counter() - begin < _PROGRESS_INTERVAL else many // 2))
             if on_progress:
                 on_progress(loop.end)
 
@@ -569,7 +570,7 @@ class Run:
         settled = -math.inf  # where dry friction that begins to slide has been looked at
         for _ in range(_MOST_IMPACTS):
             start = loop.end
-            if start > settled + _TOGETHER * size and self._begins_to_slide(impacts, size):
+            if start > settled + _LEAST_IMPACT_DISTANCE * size and self._begins_to_slide(impacts, size):
                 settled = start
                 if self._cross_impacts(impacts, start, instant, size, in_result=in_result):
                     return 1
@@ -614,7 +615,7 @@ class Run:
             loop.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
             return stop == end
         go_back()
-        if ends := end - now <= _TOGETHER * size:
+        if ends := end - now <= _LEAST_IMPACT_DISTANCE * size:
             now = loop.times[loop.done - 1] = end
             if in_result:
                 loop.result_times[loop.done - 1] = end
@@ -639,7 +640,7 @@ class Run:
         loop, refusals = self._loop, list[RefusedError]()
         first, start, halves = loop.done, loop.end, self._is_first_of_piece()
         times, points, go_back = self._simulation.times, self._points, self._save_step()
-        shortest = _SHORT * (times[points] - times[points - 1])
+        shortest = _LEAST_EXTRAPOLATED_STEP * (times[points] - times[points - 1])
 
         def attempt(stop: float, *, shown: bool = False) -> bool:
             go_back()
@@ -750,7 +751,7 @@ class Run:
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
         self._watchdog.warn(self._loop.rows[: self._loop.done], self._loop.times[: self._loop.done])
-        if late := [one for one in self.lateness if one > _LATE]:
+        if late := [one for one in self.lateness if one > _UNNOTICED_DELAY]:
             words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
             logger.warning(words, result.title, len(late), len(self.lateness), max(late))
         if self._estimate.worst is not None and not self._missing:
@@ -869,7 +870,7 @@ def _with_differences(simulation: Simulation, result: Result, instants: Vector) 
     """
     sizes = np.diff(instants)
     middles = instants[:-1] + sizes / 2
-    times = np.union1d(result.time, middles[sizes > _TINY * np.max(sizes, initial=0.0)])
+    times = np.union1d(result.time, middles[sizes > _LONGEST_BREAK_STEP * np.max(sizes, initial=0.0)])
     with Run(replace(simulation, times=times.tolist(), error_tolerance=None, adapts=False)) as run:
         run.start()
         run.finish()

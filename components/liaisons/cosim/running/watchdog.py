@@ -30,8 +30,10 @@ _UNCONTROLLED = 0.01
 """Part of the energies that an account may be off by along steps whose size it does not control: symplectic ones, which
 are chosen whatever the tolerance, and those of the stiff solver, which looks at the motion alone."""
 _CHOOSE_STEPS = {"symplectic_steps", "stiff_solver"}
-_ROUNDING, _MOST = 1e-6, 0.5
-"""Least part, for roundings of sums and of long runs, and largest, for tolerances of 1e-2."""
+_ROUNDING = 1e-6
+"""Least part that an account may miss: what sums and long runs round."""
+_MOST = 0.5
+"""Largest part, which tolerances of 1e-2 reach."""
 _ENERGIES = ("kinetic_energy", "potential_energy", "work", "dissipated")
 
 

@@ -21,10 +21,18 @@ from liaisons.cosim.structure.connections import Connection, feeds_of
 
 _MOST = 60
 """Largest number of blocks."""
-_WIDTH, _HEAD, _LINE = 170, 47, 16
-"""Width of a block, heights of its title and of a port [px]."""
-_GAP, _SPACE, _MARGIN = 70, 34, 32
-"""Distances between columns, between blocks of a column, and to the border [px]."""
+_WIDTH = 170
+"""Width of a block [px]."""
+_HEAD = 47
+"""Height of the title of a block [px]."""
+_LINE = 16
+"""Height of a port [px]."""
+_GAP = 70
+"""Distance between columns [px]."""
+_SPACE = 34
+"""Distance between blocks of a column [px]."""
+_MARGIN = 32
+"""Distance to the border [px]."""
 _LANE = 7
 """Distance of parallel arrows [px]."""
 _FREE = 4

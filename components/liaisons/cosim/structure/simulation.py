@@ -43,8 +43,10 @@ _POINTS = 500
 """Number of steps of a simulation for which nothing gives a step size."""
 _ALIKE = 4
 """Largest difference of two instants that are one, in units in the last place of the largest time."""
-_INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
-"""Interface tolerance, relative to the tolerance of the solvers; and the smallest one that rounding allows."""
+_INTERFACE = 0.01
+"""Interface tolerance, relative to the tolerance of the solvers."""
+_FINEST_INTERFACE = 1e-13
+"""Smallest interface tolerance that rounding allows."""
 
 
 @final
