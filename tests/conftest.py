@@ -25,13 +25,31 @@ from liaisons.mechanics import Equations, assemble
 _SYMBOLIC = {"analysis", "expressions", "formulas", "language", "mechanics", "test_units.py"}
 _SKIPS = tomllib.loads((Path(__file__).parent / "skips.toml").read_text(encoding="utf-8"))["skip"]
 _SLOW_SECONDS = 1200  # for a slow test; pyproject.toml has the time of the others
+_QUICK, _CORE = 12, 1  # variants of a function that are not slow, and those of them in the core suite
+_ALLOWANCE = 2.0  # seconds of processor time of a test in the core suite, with what it is the first to build
+_BEGIN = pytest.StashKey[float]()
 
 Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """``pytest`` runs the core suite; who names files, a word (-k) or marks (-m) gets what they name."""
+    config.addinivalue_line("markers", "core: the first quick variant of a function; set here, not by hand")
+    config.addinivalue_line(
+        "markers", "variants(quick=12, core=1): how many variants of a function are not slow, and core"
+    )
+    if config.args_source is config.ArgsSource.TESTPATHS and not config.option.markexpr and not config.option.keyword:
+        config.option.markexpr = "core"
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """``pytest -m symbolic``: what of these folders gets no folder to build in."""
+    """Say which variants of a function are slow and which are core; ``symbolic`` is what builds nothing."""
+    functions: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        functions.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for variants in functions.values():
+        _mark_variants(variants)
     for item in items:
         builds = any(name.startswith("tmp_path") for name in getattr(item, "fixturenames", ()))
         slow = item.get_closest_marker("slow") is not None
@@ -39,6 +57,72 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("symbolic")
         if slow and item.get_closest_marker("timeout") is None:
             item.add_marker(pytest.mark.timeout(_SLOW_SECONDS))
+
+
+def _mark_variants(variants: list[pytest.Item]) -> None:
+    """Mark the variants of one function by its ``@pytest.mark.variants(quick=12, core=1)``, whose defaults these are.
+
+    Of ``quick`` variants as many values of each parameter as possible stay among the quick ones (None: all stay), the
+    others are slow; the first ``core`` of them, or the one with this id, are core.
+    """
+    limits: dict[str, Any] = {"quick": _QUICK, "core": _CORE}
+    for marker in variants[0].iter_markers("variants"):
+        limits |= marker.kwargs
+    quick = [item for item in variants if item.get_closest_marker("slow") is None]
+    core = limits["core"]
+    if isinstance(core, str):
+        quick.sort(key=lambda item: not item.nodeid.endswith(f"[{core}]"))
+        core = 1
+    kept = _spread(quick, len(quick) if limits["quick"] is None else limits["quick"])
+    for item in quick:
+        if item not in kept:
+            item.add_marker("slow")
+    for item in kept[:core]:
+        item.add_marker("core")
+
+
+def _spread(variants: list[pytest.Item], count: int) -> list[pytest.Item]:
+    """At most so many variants, the first among them, with as many values of each parameter as possible."""
+    if len(variants) <= count:
+        return variants
+    even = {id(variants[k * len(variants) // count]) for k in range(count)}
+    # one value of a parameter is one object in all variants
+    parameters = {id(item): getattr(getattr(item, "callspec", None), "params", {}) for item in variants}
+    values = {key: {(name, id(value)) for name, value in given.items()} for key, given in parameters.items()}
+    kept: list[pytest.Item] = []
+    seen: set[tuple[str, int]] = set()
+    for _ in range(count):
+        left = [item for item in variants if item not in kept]
+        best = max(left, key=lambda item: (len(values[id(item)] - seen), id(item) in even))
+        kept.append(best)
+        seen |= values[id(best)]
+    return kept
+
+
+def _processor_time() -> float:
+    """Seconds of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[_BEGIN] = _processor_time()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Which tests of the core suite take more than they may: ``@pytest.mark.variants(core=0)`` takes one out."""
+    ended = [report for reports in terminalreporter.stats.values() for report in reports if hasattr(report, "when")]
+    taken = {
+        report.nodeid: dict(report.user_properties)["processor time"]
+        for report in ended
+        if report.when == "teardown" and "core" in report.keywords
+    }
+    if len(taken) > 1:
+        total = f"core suite: {len(taken)} tests, {sum(taken.values()):.0f} s of processor time"
+        terminalreporter.section(f"{total}; more than {_ALLOWANCE:g} s", "-")
+        for name, seconds in sorted(taken.items(), key=lambda entry: -entry[1]):
+            if seconds > _ALLOWANCE:
+                terminalreporter.write_line(f"{seconds:6.1f} s  {name}")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -70,8 +154,11 @@ def _checked(report: Report) -> Report:
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    return _checked((yield))
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = _checked((yield))
+    if report.when == "teardown":
+        report.user_properties.append(("processor time", _processor_time() - item.stash[_BEGIN]))
+    return report
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

@@ -102,7 +102,7 @@ def test_what_it_does_is_the_same_to_the_last_bit(fmu: FmuPaths, mass: Path, spr
 @pytest.mark.parametrize("name", ["end", "one"])
 def test_a_function_that_returns_three_numbers_drives_it(spring: Path, name: str) -> None:
     result = simulate(spring, inputs={name: lambda t: (t**2, 2 * t, 2.0)}, stop_time=1.0, step_size=0.25)
-    assert_allclose([result[n][-1] for n in ("one", "two", "three", "four")], [1.0, 2.0, 2.0, 2.0])
+    assert_allclose([result[n][-1] for n in ("one", "two", "three", "four")], [1.0, 2.0, 2.0, 2.0], rtol=1e-14)
 
 
 def test_results_are_compared_by_its_rates_and_drawn_by_its_names(renamed: Renamed) -> None:

@@ -221,7 +221,9 @@ def try_isolated(workshop: Workshop, kind: str) -> None:
 def try_adapted_steps(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     result = system.simulate(**RUN, error_tolerance=1e-9)
-    ends = np.isclose(result.time / SAMPLE, np.round(result.time / SAMPLE)) if kind == "held" else slice(None)
+    ends = (
+        np.isclose(result.time / SAMPLE, np.round(result.time / SAMPLE), rtol=1e-9) if kind == "held" else slice(None)
+    )
     exact = SUBJECTS[kind].signals(result.time[ends])
     follows({before + name: result[before + name][ends] for name in exact}, exact, SUBJECTS[kind].bound, before)
 

@@ -64,7 +64,7 @@ def test_copies_move_as_fmus_do(name: str) -> None:
         assert abs(information["energy_balance"][32]) < 1e-10
         if ended[32]:
             break
-    assert not np.allclose(all_seen[0], all_seen[1])
+    assert not np.allclose(all_seen[0], all_seen[1], rtol=1e-3)
     one.close()
 
 

@@ -5,7 +5,6 @@ import doctest
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -96,7 +95,7 @@ def by_c(x: ca.SX, expressions: ca.SX, points: np.ndarray) -> np.ndarray:
 
 
 # Elementary functions of different libraries differ in the last bits: 8 units in the last place of numbers up to 30.
-CLOSE: dict[str, Any] = {"rtol": 8 * 2.3e-16, "atol": 4e-16}
+CLOSE, SMALL = 8 * 2.3e-16, 4e-16
 
 
 def test_what_divides_several_numbers_is_inverted_once() -> None:
@@ -111,12 +110,14 @@ def test_what_divides_several_numbers_is_inverted_once() -> None:
 
 
 def test_every_operation_in_c(everything) -> None:
-    np.testing.assert_allclose(by_c(*everything), by_casadi(*everything), **CLOSE)
+    np.testing.assert_allclose(by_c(*everything), by_casadi(*everything), rtol=CLOSE, atol=SMALL)
 
 
 def test_every_operation_by_casadi(everything) -> None:
     x, expressions, points = everything
-    np.testing.assert_allclose(program([x], [expressions]).evaluate([points])[0], by_casadi(*everything), **CLOSE)
+    np.testing.assert_allclose(
+        program([x], [expressions]).evaluate([points])[0], by_casadi(*everything), rtol=CLOSE, atol=SMALL
+    )
 
 
 def test_every_operation_is_among_those_tried(everything) -> None:

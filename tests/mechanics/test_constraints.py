@@ -221,7 +221,7 @@ def test_projection_ends_on_the_constraints_and_stays_there(seed: int) -> None:
     perturbed = y + np.random.default_rng(seed).normal(size=y.size) * ([1e-3] * 10 + [0, 0])
     assert np.abs(residuals(perturbed, u, k)).max() > 1e-4
     there = project(perturbed, u, k)
-    np.testing.assert_allclose(residuals(there, u, k), 0, atol=4e-15)  # a few roundings of numbers of order 1
+    np.testing.assert_allclose(residuals(there, u, k), 0, rtol=0, atol=4e-15)  # a few roundings of numbers of order 1
     np.testing.assert_allclose(project(there, u, k), there, rtol=0, atol=4e-15)  # the same
     np.testing.assert_allclose(project(y, u, k), y, rtol=0, atol=4e-15)  # what is consistent stays
 
@@ -237,7 +237,9 @@ def test_projection_goes_the_shortest_way_in_the_metric_of_the_masses(seed: int)
     allowed = np.linalg.svd(C)[2][2:].T
     push = (project(off, u, k) - off)[:5]
     assert np.abs(push).max() > 1e-6
-    np.testing.assert_allclose(allowed.T @ A @ push, 0, atol=100 * size**2)  # curvature: second order in the size
+    np.testing.assert_allclose(
+        allowed.T @ A @ push, 0, rtol=0, atol=100 * size**2
+    )  # curvature: second order in the size
 
 
 # ---- a skate on a slope: a non-holonomic constraint with a closed form -------------------------------------------

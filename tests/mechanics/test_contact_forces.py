@@ -70,11 +70,13 @@ def test_redundant_contacts_that_contradict_each_other_are_told() -> None:
     for target in (0.0, 7.0):
         x, wrong = map(values, compliance.forces(ca.SX(wrong_rate), ca.SX(held), none, NORMALS, target))
         C = V.T * held[:, None]
-        np.testing.assert_allclose(wrong, held * wrong_rate - C @ np.linalg.lstsq(C, held * wrong_rate)[0], atol=1e-11)
+        np.testing.assert_allclose(
+            wrong, held * wrong_rate - C @ np.linalg.lstsq(C, held * wrong_rate)[0], rtol=0, atol=1e-11
+        )
         assert np.abs(wrong).max() > 0.1
         right = held * (target - wrong_rate)
         reached = C @ np.linalg.lstsq(C, right)[0]  # as near as forces come
-        np.testing.assert_allclose((U @ V @ x)[held == 1], reached[held == 1], atol=1e-9)
+        np.testing.assert_allclose((U @ V @ x)[held == 1], reached[held == 1], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", MODES)
@@ -86,7 +88,7 @@ def test_independent_contacts_are_told_by_the_same_equations(name: str) -> None:
     assert not compliance.is_redundant
     x, wrong = compliance.forces(ca.SX(rate), ca.SX(held), ca.SX(drag), NORMALS)
     x = values(x)
-    np.testing.assert_allclose((rate + G @ x)[held == 1], 0, atol=1e-12)
+    np.testing.assert_allclose((rate + G @ x)[held == 1], 0, rtol=0, atol=1e-12)
     gap_of = {5: 2, 6: 0}
     for i in np.flatnonzero(held == 0).tolist():
         assert x[i] == pytest.approx(drag[i] * (x[gap_of[i]] if i in gap_of else 1), abs=1e-14)
@@ -112,8 +114,8 @@ def test_orthonormal_columns_leave_out_what_depends_on_others(shape: tuple[int, 
     rank = np.linalg.matrix_rank(matrix)
     assert Q.shape == (shape[0], min(shape))
     assert sum(lasting) == rank
-    np.testing.assert_allclose(Q.T @ Q, np.diag(lasting), atol=1e-12)
-    np.testing.assert_allclose(Q @ (Q.T @ matrix), matrix, atol=1e-12)
+    np.testing.assert_allclose(Q.T @ Q, np.diag(lasting), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(Q @ (Q.T @ matrix), matrix, rtol=0, atol=1e-12)
 
 
 def test_derivatives_of_shares_are_finite_where_nothing_is_held() -> None:

@@ -105,10 +105,10 @@ def test_euler_lagrange_residual_by_finite_differences(seed: int) -> None:
 
     friction = -0.2 * momentum(0.0)  # T and L differ by V, which has no rates
     friction -= np.array([dissipated(v + h * e) - dissipated(v - h * e) for e in unit]) / (2 * h)
-    np.testing.assert_allclose(EQUATIONS.evaluate("dissipation", **state), -friction @ v, atol=1e-6)
+    np.testing.assert_allclose(EQUATIONS.evaluate("dissipation", **state), -friction @ v, rtol=0, atol=1e-6)
     drive = np.array([state["a_force"] - state["a_load"], state["b_force"] - state["b_load"], 0, 0])
     forces = drive - tip.T @ load + friction + np.array([0, 0, *operator])
-    np.testing.assert_allclose(p_dot - gradient - forces, 0, atol=1e-6)
+    np.testing.assert_allclose(p_dot - gradient - forces, 0, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(20))

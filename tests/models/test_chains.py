@@ -49,7 +49,7 @@ def test_modes_of_the_linear_chains(component, held: bool, n: int) -> None:
     frequencies, modes = component.normal_modes(n=n, mass=2.0, stiffness=8.0)
     matrix = 8.0 / 2.0 * difference_matrix(n, held=held)
     # Eigenvectors with entries of order 1, n roundings of terms of size 16.
-    np.testing.assert_allclose(matrix @ modes, modes * frequencies**2, atol=16 * n * 1e-15)
+    np.testing.assert_allclose(matrix @ modes, modes * frequencies**2, rtol=0, atol=16 * n * 1e-15)
     assert np.all(np.diff(frequencies) > 0)
 
 
@@ -77,7 +77,7 @@ def test_pulse_in_the_free_chain_is_a_sum_of_bessel_functions() -> None:
     bessel = sum(jv(2 * (j - place), 2 * omega * t[:, None]) for place in images)
     found = OscillatorChain.exact(t, u_0=start, mass=2.0, stiffness=2.0 * omega**2)
     # The nearest image left out has order 2 · 5 · 12 = 120, where J is below 1e-30 for arguments up to 75.
-    np.testing.assert_allclose(found["u"], bessel, atol=1e-12)
+    np.testing.assert_allclose(found["u"], bessel, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("omega", [0.3, 1.0, 3.0])
@@ -95,9 +95,9 @@ def test_driven_chain_satisfies_newtons_law(omega: float) -> None:
     grip = amplitude * np.sin(omega * t)
     force = -stiffness * u(t) @ difference_matrix(n, held=True).T
     force[:, 0] += stiffness * grip
-    np.testing.assert_allclose(mass * acceleration, force, atol=1e-8)
+    np.testing.assert_allclose(mass * acceleration, force, rtol=0, atol=1e-8)
     exact = DrivenChain.exact(t, **settings)
-    np.testing.assert_allclose(exact["drive_force"], stiffness * (grip - exact["u"][:, 0]), atol=1e-14)
+    np.testing.assert_allclose(exact["drive_force"], stiffness * (grip - exact["u"][:, 0]), rtol=0, atol=1e-14)
     assert max_error(DrivenChain.exact(0.0, **settings)["u"], 0.0) <= 1e-14
 
 
@@ -142,8 +142,8 @@ def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
         found = np.array([z[f"theta_ddot[{j + 1}]"] for j in range(n)])
         scale = np.abs(tension).max() + gravity
         # Two linear systems of condition some 100 each.
-        np.testing.assert_allclose(found, expected, atol=1e-12 * scale / (mass * length))
-        np.testing.assert_allclose([z["pivot_x_force"], z["pivot_z_force"]], pulls[0], atol=1e-12 * scale)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * scale / (mass * length))
+        np.testing.assert_allclose([z["pivot_x_force"], z["pivot_z_force"]], pulls[0], rtol=0, atol=1e-12 * scale)
 
 
 # ---- the same physics, described otherwise -------------------------------------------------------------------------

@@ -85,8 +85,8 @@ def test_the_staircase_ends_where_control_does() -> None:
     A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]])
     V, U = reachable_subspace(A, np.array([[0.0], [1], [0], [0]]))
     assert V.shape == U.shape == (4, 2)
-    np.testing.assert_allclose(V[2:], 0, atol=1e-15)
-    np.testing.assert_allclose(np.hstack([V, U]) @ np.hstack([V, U]).T, np.eye(4), atol=1e-15)
+    np.testing.assert_allclose(V[2:], 0, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(np.hstack([V, U]) @ np.hstack([V, U]).T, np.eye(4), rtol=0, atol=1e-15)
 
 
 def test_what_cannot_be_moved_is_made_up_for() -> None:
@@ -101,7 +101,7 @@ def test_the_fmus_have_the_multipliers_that_were_predicted(name: str) -> None:
     verified(regulator)
     assert regulator.conserved == CONSERVED[name]
     assert regulator.controlled.size == regulator.floquet_multipliers.size - len(regulator.conserved)
-    np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-9)
+    np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, rtol=0, atol=1e-9)
     # Solver tolerance 1e-11 over a difference of 1e-5.
     np.testing.assert_allclose(regulator.measured(), regulator.loop, rtol=0, atol=2e-6 * np.abs(regulator.loop).max())
 
@@ -264,7 +264,7 @@ def test_the_fmus_have_the_monodromy_that_was_predicted(name: str) -> None:
     assert regulator.returns == (name not in ("crane", "constraints"))
     assert regulator.controlled.size == len(regulator.loop) - len(regulator.conserved)
     if regulator.returns:
-        np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-8)
+        np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, rtol=0, atol=1e-8)
         assert np.abs(regulator.controlled).max() < 0.99
 
 
@@ -275,7 +275,9 @@ def test_what_is_not_disturbed_stays_with_the_plan(name: str) -> None:
     assert np.abs(regulator.deviation(run) / regulator.sizes[:, None]).max() < 1e-8
     end = motion.problem.end
     X = np.array([run[f"{regulator.name}.{state}"][-1] for state in motion.problem.states])
-    np.testing.assert_allclose(np.array(end.function(X)).ravel(), end.low, atol=1e-7)  # the knots are the regulators'
+    np.testing.assert_allclose(
+        np.array(end.function(X)).ravel(), end.low, rtol=0, atol=1e-7
+    )  # the knots are the regulators'
 
 
 def test_rounds_contract_by_their_greatest_multiplier() -> None:
@@ -309,10 +311,10 @@ def test_a_swing_up_is_held_upright_as_its_goal_says() -> None:
     goal: dict[str, Any] = {"start": {"theta": 0, "pivot_x": 0}, "end": end, "duration": 2, "length": 0.5}
     regulator = hold(plan("Pendulum", "pivot_x", minimize="pivot_x_ddot**2", **goal))
     assert regulator.trajectory.after == "rests"
-    np.testing.assert_allclose(regulator.trajectory.states[:, -1], [np.pi, 0, 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(regulator.trajectory.states[:, -1], [np.pi, 0, 0, 0, 0], rtol=0, atol=1e-9)
     verified(regulator)
     run = regulator.simulate(5, theta_0=0.01)
-    np.testing.assert_allclose([run[f"Pendulum.{n}"][-1] for n in ("theta", "pivot_x")], [np.pi, 0], atol=1e-5)
+    np.testing.assert_allclose([run[f"Pendulum.{n}"][-1] for n in ("theta", "pivot_x")], [np.pi, 0], rtol=0, atol=1e-5)
 
 
 def test_a_plan_that_its_steps_do_not_follow_is_refused_in_one_line() -> None:
@@ -406,9 +408,12 @@ def test_equilibria_are_held_alike_in_all_units(name: str) -> None:
         regulator = hold(name, scaled(usual["at"], sizes(name, scale)), moves, **options)
         # Of a double multiplier half the digits are left.
         np.testing.assert_allclose(
-            np.sort(np.abs(regulator.floquet_multipliers)), np.sort(np.abs(expected.floquet_multipliers)), atol=1e-5
+            np.sort(np.abs(regulator.floquet_multipliers)),
+            np.sort(np.abs(expected.floquet_multipliers)),
+            rtol=0,
+            atol=1e-5,
         )
-        np.testing.assert_allclose(regulator.loop, expected.loop, atol=1e-6 * np.abs(expected.loop).max())
+        np.testing.assert_allclose(regulator.loop, expected.loop, rtol=0, atol=1e-6 * np.abs(expected.loop).max())
         assert (regulator.conserved, regulator.controlled.size) == (expected.conserved, expected.controlled.size)
 
 
@@ -445,7 +450,7 @@ def in_units(name: str, scale: Scale) -> Plan:
 def test_plans_are_held_alike_in_all_units(name: str, scale: Scale) -> None:
     expected, regulator = hold(planned(name)), hold(in_units(name, scale))
     mine, theirs = (np.sort(np.abs(one.floquet_multipliers)) for one in (regulator, expected))  # whatever the basis
-    np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.max(theirs))
+    np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-4 * np.max(theirs))
     assert (regulator.trajectory.after, regulator.conserved) == (expected.trajectory.after, expected.conserved)
     verified(regulator)
 
@@ -507,7 +512,9 @@ def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypa
     np.testing.assert_allclose(jumps[name][jumps.time < 2], 2, rtol=1e-12)
     assert np.all(jumps[name][jumps.time >= 2] > 1e29)
     expected = 0.1 * (np.floor(samples.time / 0.1 + 1e-6) + 1)
-    np.testing.assert_allclose(samples[name], np.where(np.abs(samples.time - 2) < 1e-8, samples[name], expected))
+    np.testing.assert_allclose(
+        samples[name], np.where(np.abs(samples.time - 2) < 1e-8, samples[name], expected), rtol=1e-14
+    )
 
 
 @pytest.mark.parametrize("step", [0.02, 0.03, 0.05, 0.0125])
