@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, analysis
+from liaisons import Coordinate, Mechanism, Parameter, analysis, constraint, unchecked
 from liaisons.errors import ComponentError
 from liaisons.models import (
     ChargedParticle,
@@ -33,6 +33,34 @@ def test_rotations_conserve_angular_momentum() -> None:
         assert analysis.noether(component, rotation).evaluate(**state) == pytest.approx(2.5, rel=ROUNDING)
     canonical = analysis.noether(ChargedParticle, rotation).evaluate(charge=2.0, B_z=3.0, **state)
     assert canonical == pytest.approx(2.5 + 0.5 * 6.0 * 5.0, rel=ROUNDING)
+
+
+class Railed(Mechanism):
+    """A mass on the rail x = 1, along which y (x - 1) of its potential is 0."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    x = Coordinate("m", "distance from the rail and 1 m", start=1.0)
+    y = Coordinate("m", "place along the rail")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.dot(self.x) ** 2 + self.dot(self.y) ** 2)
+
+    @unchecked("numbers in SI units")
+    def potential_energy(self) -> ca.SX:
+        return self.y * (self.x - 1)
+
+    @constraint("m", "on the rail", unchecked="numbers in SI units")
+    def rail(self) -> ca.SX:
+        return self.x - 1
+
+
+def test_a_symmetry_that_holds_on_the_constraints_alone() -> None:
+    """Shifted along the rail, L changes by 1 - x, which is 0 on it; beside it, states are projected onto it."""
+    shifted = analysis.noether(Railed, lambda _: {"y": 1.0})
+    assert shifted.evaluate(x=1.0, y=0.3, y_dot=1.5) == pytest.approx(3.0, rel=ROUNDING)
+    free = type("Free", (Railed,), {"rail": None, "__module__": __name__})
+    with pytest.raises(ComponentError, match="is no symmetry"):
+        analysis.noether(free, lambda _: {"y": 1.0})
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import Signal, System, flatten
 from liaisons.cosim import Result, simulate
-from liaisons.cosim.running.estimate import Worst
+from liaisons.cosim.running.estimate import Worst, _cubic_integrals
 from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import LiaisonsError
 
@@ -107,6 +107,33 @@ def test_estimate_of_a_signal_into_a_force(component: FmuPaths, prefix: str, uni
     errors = coupling_errors(result)[1:]
     # what has both signs inside a step is added up: 1.1 times as much, by four points 1.75 times
     assert np.all((errors >= 0.9 * expected - 1e-12) & (errors <= 2.0 * expected + 1e-12))
+
+
+def test_the_first_step_follows_a_signal_through_its_thirds(component: FmuPaths, fmu: FmuPaths) -> None:
+    """x'' = sin(3 t + 0.7) - x from rest; a cubic through four points is off by H⁴ 3⁴/6480 = 1e-6 in the mean."""
+    mass = component("Oscillator"), {"x_0": 0.0, "damping": 0.0, "stiffness": 1.0}
+    system = wired("wave.y -> mass.x_force", wave=fmu("Wave"), mass=mass)
+    run = system.simulate(0.1, 0.1, coupling="implicit", tolerance=1e-12)
+    assert run["wave.y"].tolist() == [math.sin(0.7), math.sin(3 * 0.1 + 0.7)]
+    x, x_dot = (  # (sin(0.7) cos t + 3 cos(0.7) sin t - sin(3 t + 0.7))/8 and its rate
+        (math.sin(0.7) * c + 3 * math.cos(0.7) * s - wave) / 8
+        for c, s, wave in (
+            (math.cos(0.1), math.sin(0.1), math.sin(1.0)),
+            (-math.sin(0.1), math.cos(0.1), 3 * math.cos(1.0)),
+        )
+    )
+    assert run["mass.x_dot"][-1] == pytest.approx(x_dot, abs=2e-7)  # H times that
+    assert run["mass.x"][-1] == pytest.approx(x, abs=2e-8)
+
+
+def test_remainders_of_cubics_through_points_at_any_distances() -> None:
+    """Of t⁴, whose fourth divided difference is 1: ∫ (t - t₀)(t - t₁)(t - t₂)(t - t₃) over the last step."""
+    times = np.array([0.0, 1.0, 2.5, 3.0, 5.0, 5.5, 7.5])
+    found = _cubic_integrals(times[None] ** 4, np.diff(times), np.zeros(6, bool))[0]
+    for k in range(3, 6):
+        primitive = np.polyint(np.poly(times[k - 2 : k + 2]))
+        expected = np.polyval(primitive, times[k + 1]) - np.polyval(primitive, times[k])
+        assert found[k] == pytest.approx(expected, rel=1e-12)
 
 
 def test_jumps_are_no_error(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:

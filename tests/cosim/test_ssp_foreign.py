@@ -113,6 +113,15 @@ def test_prefix_source_and_mapping(archive: Archive) -> None:
     assert System.from_ssp(path).parts["spring"].starts == {"stiffness": 21.0, "input_reconstruction": 2}
 
 
+@pytest.mark.parametrize(("given", "target", "expected"), [("true", "false", False), ("false", "true", True)])
+def test_a_boolean_becomes_what_its_entry_says(archive: Archive, given: str, target: str, expected: bool) -> None:
+    entry = f'<c:BooleanMappingTransformation><c:MapEntry source="{given}" target="{target}"/></c:Boo'
+    entries = f'<m:MappingEntry source="flag" target="f.flag">{entry}leanMappingTransformation></m:MappingEntry>'
+    flag = f'<v:Parameter name="flag"><v:Boolean value="{given}"/></v:Parameter>'
+    path = archive(bound(flag, entries=entries) + elements(component("f", "Faulty")))
+    assert System.from_ssp(path).parts["f"].starts == {"flag": expected}
+
+
 def test_units_are_converted(archive: Archive, caplog: pytest.LogCaptureFixture) -> None:
     values = real("length", 250, unit="mm") + real("stiffness", 5, unit="mm") + real("nothing", 1)
     starts = System.from_ssp(archive(elements(component("spring", "Spring", bound(values))))).parts["spring"].starts
