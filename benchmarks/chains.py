@@ -29,8 +29,8 @@ from native_code import BY_HAND
 
 from liaisons import models
 from liaisons.base.compiler import FLAGS, compile_library, host_target
+from liaisons.chains.loops import PREAMBLE, ChainLoops, loops_code
 from liaisons.fmu.code import model_code, source_files
-from liaisons.fmu.loops import PREAMBLE, loops_code
 from liaisons.mechanics import assemble
 
 CHAINS = {"PendulumChain": (10, 30, 100, 300, 1000), "OscillatorChain": (100, 1000, 10_000, 100_000)}
@@ -156,7 +156,8 @@ def _built(name: str, n: int, cache: str) -> Built:
     compiled = _compilers() - start_of_compiler
 
     start_alone = time.process_time()
-    (program,) = (program for program in model.programs if program.name == "derivatives")
+    assert isinstance(model.loops, ChainLoops)
+    (program,) = (program for program in model.loops.programs if program.name == "derivatives")
     text = "\n".join(["#include <math.h>", "#include <stddef.h>", PREAMBLE, loops_code(program).text])
     text = text.replace("static VECTORISED int", "VECTORISED int")
     start_of_compiler = _compilers()

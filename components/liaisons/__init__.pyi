@@ -1,6 +1,7 @@
 from . import analysis as analysis
 from .base.version import __date__ as __date__
 from .base.version import __version__ as __version__
+from .chains import Chain as Chain
 from .check import Verdict as Verdict
 from .check import compare as compare
 from .check import crossings as crossings
@@ -34,7 +35,6 @@ from .language import Ball as Ball
 from .language import Body as Body
 from .language import BodyPoint as BodyPoint
 from .language import Box as Box
-from .language import Chain as Chain
 from .language import Coordinate as Coordinate
 from .language import Cylindrical as Cylindrical
 from .language import DiscreteOutput as DiscreteOutput

@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from liaisons.chains import Chain
 from liaisons.derivatives import motion_of
-from liaisons.language import Chain, Component, Operator, Sampled
+from liaisons.language import Component, Operator, Sampled
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE

@@ -17,11 +17,14 @@ from handmade import ring
 from numpy.typing import NDArray
 
 from liaisons.base.compiler import FLAGS, system_compiler
+from liaisons.chains import Chain
+from liaisons.chains.loops import PREAMBLE
 from liaisons.fmu.code import model_code
 from liaisons.fmu.dependencies import coupled_state_count, initial_dependencies, running_dependencies, states_that_jump
-from liaisons.fmu.loops import PREAMBLE, Code, loop_functions
-from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Parameter, point
+from liaisons.fmu.functions import DIFFERENTIATED
+from liaisons.language import ActiveCoordinate, Coordinate, Joint, Parameter, point
 from liaisons.mechanics import Model, assemble
+from liaisons.mechanics.model import Code
 from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
 
 GUID = "{00000000-0000-0000-0000-000000000000}"
@@ -102,7 +105,7 @@ def references(model: Model) -> dict[str, ca.Function]:
     return found
 
 
-def compiled(codes: dict[str, Code], folder: Path, *flags: str) -> c.CDLL:
+def compiled(codes: Mapping[str, Code], folder: Path, *flags: str) -> c.CDLL:
     """The functions, each exported as ``call_NAME(arguments, results, work)``."""
     compiler = system_compiler()
     if compiler is None:
@@ -133,6 +136,12 @@ def called(
     return results
 
 
+def loops_of(model: Model, *, adjoint: bool) -> Mapping[str, Code]:
+    """C code of a chain's functions and of their derivatives, by member of ``Model`` in core.h."""
+    assert model.loops is not None
+    return model.loops.code(coupled_state_count(model), DIFFERENTIATED, adjoint=adjoint)
+
+
 CHAINS = [(OscillatorChain, n) for n in (2, 3, 4, 700)]  # 700: sums of several blocks
 CHAINS += [(DrivenChain, 2), (DrivenChain, 9), (PendulumRow, 2), (PendulumRow, 300), (PendulumChain, 2)]
 CHAINS += [(PendulumChain, 12), (Arm, 3)]
@@ -141,7 +150,7 @@ CHAINS += [(PendulumChain, 12), (Arm, 3)]
 @pytest.mark.parametrize(("component", "n"), CHAINS)
 def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path) -> None:
     model = assemble(component, n)
-    codes = loop_functions(model.programs, coupled_state_count(model), adjoint=True)
+    codes = loops_of(model, adjoint=True)
     # The long ones take gcc seconds when it optimises; that these are right when optimised is shown by their FMUs.
     library = compiled(codes, tmp_path, *(() if component in (OscillatorChain, DrivenChain) else ("-O0",)))
     expected = references(model)
@@ -162,7 +171,7 @@ def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path)
 def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
     """Their mass matrix is diagonal: one loop over independent links, which compilers vectorise."""
     model = assemble(OscillatorChain, 1000)
-    codes = loop_functions(model.programs, coupled_state_count(model), adjoint=True)
+    codes = loops_of(model, adjoint=True)
     assert all(code.reals == 0 for code in codes.values())
     assert codes["derivatives"].text.count("i < ") == 1
     assert len(PREAMBLE) + len(codes["derivatives"].text) < 20_000
@@ -170,7 +179,7 @@ def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
 
 def test_sines_are_calculated_once_a_link() -> None:
     model = assemble(PendulumChain, 50)
-    text = loop_functions(model.programs, coupled_state_count(model), adjoint=False)["derivatives"].text
+    text = loops_of(model, adjoint=False)["derivatives"].text
     assert text.count(" sin(") == text.count(" cos(") == 1
     assert text.count("for (") == 3  # inward, outward, inward
 
@@ -201,7 +210,7 @@ def test_code_is_as_long_for_any_chain(model_of, numbers, longer, tmp_path: Path
 def test_dependencies_are_those_of_the_functions(component: type[Chain]) -> None:
     """The same, whether a short chain stands for the long one or not."""
     model = assemble(component, 3)
-    plain = replace(model, programs=())
+    plain = replace(model, loops=None)
     np.testing.assert_array_equal(running_dependencies(model), running_dependencies(plain))
     np.testing.assert_array_equal(initial_dependencies(model), initial_dependencies(plain))
     moved = {"work"} if model.active else set()  # what an operator moves may jump

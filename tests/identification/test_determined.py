@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from liaisons import identify
+from liaisons.chains import Chain
 from liaisons.derivatives.subjects import motion_of
-from liaisons.language import Chain, Component, Mechanism
+from liaisons.language import Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from liaisons.chains import Chain
 from liaisons.errors import ValidityError
-from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Mechanism, Parameter, Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Joint, Mechanism, Parameter, Values, closed_form
 
 
 class Slide(Mechanism):

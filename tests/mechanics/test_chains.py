@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from liaisons.chains import link_of
 from liaisons.errors import ComponentError
 from liaisons.language import (
     ActiveCoordinate,
@@ -24,7 +25,6 @@ from liaisons.language import (
     point,
 )
 from liaisons.mechanics import Model, assemble
-from liaisons.mechanics.chains.sweeps import link_of
 from liaisons.models import DrivenChain, OscillatorChain, Pendulum, PendulumChain
 
 ROUNDING = 1e-12

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from liaisons import build, derive, equations, operator, simulate
+from liaisons.chains import Chain
 from liaisons.errors import ComponentError
-from liaisons.language import ActiveCoordinate, Chain, Gravity, Mechanism, Parameter, point
+from liaisons.language import ActiveCoordinate, Gravity, Mechanism, Parameter, point
 
 
 class Arm(Mechanism):

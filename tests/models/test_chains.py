@@ -12,10 +12,10 @@ import pytest
 from on_paper import Values, assert_follows, wave
 from scipy.special import jv
 
+from liaisons.chains import Chain
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.fmu import build
-from liaisons.language import Chain
 from liaisons.mechanics import assemble
 from liaisons.models import DoublePendulum, DrivenChain, OscillatorChain, PendulumChain
 

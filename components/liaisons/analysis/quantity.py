@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.expressions import nonzero_states
-from liaisons.language.chain import Chain
 from liaisons.language.checks import checked_scalar
 from liaisons.language.component import Component
+from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import refuse_contacts
@@ -123,7 +123,7 @@ def equations_of(source: Source) -> Equations:
     abstract = getattr(source, "is_abstract", False)
     if isinstance(source, type) and issubclass(source, Component) and (abstract or not issubclass(source, Mechanism)):
         chain = "a chain; write its links as arrays of a Mechanism"
-        kind = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
+        kind = "abstract" if abstract else chain if issubclass(source, MechanicalComponent) else "an operator"
         raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {kind}")
     if not (isinstance(source, type) and issubclass(source, Mechanism)):
         by_name = f", or derive({source!r})" if isinstance(source, str) and not source.endswith(".fmu") else ""

@@ -223,11 +223,11 @@ def _prepare_worker(parent: int) -> None:
 
 def _component_row(component: type[Component]) -> dict[str, str]:
     """Row of a component in the table of ``liaisons list``."""
-    from liaisons.language import Chain, Coordinate, Mechanism
+    from liaisons.language import Coordinate, MechanicalComponent, Mechanism
     from liaisons.language.checks import declarations_of
 
-    moving = component if issubclass(component, (Mechanism, Chain)) else None
-    whole = "n" if issubclass(component, Chain) else ""
+    moving = component if issubclass(component, MechanicalComponent) else None
+    whole = "" if issubclass(component, Mechanism) else "n"  # a chain has one a link
     free = [f"{c.name}[{c.size or whole}]".removesuffix("[]") for c in declarations_of(component, Coordinate)]
     free += [orientation.name for orientation in component.orientations] if issubclass(component, Mechanism) else []
     return {

@@ -23,7 +23,6 @@ from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, memory_index, scalar_count, start_rates
-from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.energy_accounting import BOOKED
@@ -78,7 +77,7 @@ def core_files(model: Model) -> dict[str, bytes]:
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
     """Return the text of ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
-    loops = loop_functions(model.programs, coupled_state_count(model), adjoint=adjoint) if model.programs else {}
+    loops = model.loops.code(coupled_state_count(model), DIFFERENTIATED, adjoint=adjoint) if model.loops else {}
     rates = [] if loops else _rate_functions(model)
     members = _model_functions(model, adjoint=adjoint)
     booking = _booking_statements(model, members)
@@ -121,7 +120,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             *code,
             *_lookup_definitions(model, row_functions),
             *(line for name, statements in booking.items() for line in function_definition(name, statements)),
-            *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
+            *([model.loops.preamble, *(loop.text for loop in loops.values())] if model.loops else []),
             *(line for table in tables for line in table.definition),
             "const Model model = {",
             *(f"    .{name} = {value}," for name, value in fields.items()),
@@ -141,11 +140,11 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
         "contact": model.contact and _with_one_result(model.contact),
     }
     functions["draw"] = (model.table and model.table.draw) or model.draw
-    loops = {program.name for program in model.programs}
+    loops = model.loops.names if model.loops else frozenset()
     members = {
         signature.member: function
         for name, signature in SIGNATURES.items()
-        if signature.member and (function := functions[name]) and name.removesuffix("_function") not in loops
+        if signature.member and (function := functions[name]) and name not in loops
     }
     directions = [] if loops else ["forward", "reverse"] if adjoint else ["forward"]
     return members | {
@@ -159,7 +158,7 @@ def _booking_statements(model: Model, members: Mapping[str, ca.Function]) -> dic
     Empty unless the outputs are large: their code and its derivatives are not repeated.
     """
     outputs, sizes = model.outputs_function, {"y": model.start.numel_out(0), "m": model.start.numel_out(1)}
-    moves = not model.active or model.project is not None or model.contacts or model.table or model.programs
+    moves = not model.active or model.project is not None or model.contacts or model.table or model.loops
     if moves or not outputs.is_a("SXFunction") or outputs.n_instructions() < _LARGE:
         return {}
     names, letters = [e.name for v in model.outputs for e in v.elements()], SIGNATURES["outputs_function"].arguments
@@ -290,7 +289,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 def _is_guarded(model: Model) -> bool:
     """Return whether rates and outputs say how far constraints, which something drives, are from losing rank."""
-    straight = model.table is None and not model.programs and bool(model.active)
+    straight = model.table is None and not model.loops and bool(model.active)
     return straight and model.margin is not None and model.margin.is_a("SXFunction")
 
 

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
 from liaisons.base.array_names import array_and_index
-from liaisons.expressions.row_functions import row_function
 from liaisons.fmu.layout import TIME, index_ranges, scalar_count
 from liaisons.language import Variable
-from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
 
 Pattern = NDArray[np.bool_]
@@ -51,10 +49,8 @@ def initial_dependencies(model: Model) -> Pattern:
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def _shortened_chain(model: Model) -> Model:
     """Return the model of a chain with few links, which has the same dependencies; any other model as it is."""
-    if not (model.programs and any(variable.dimension for variable in model.outputs)):
+    if not (model.loops and any(variable.dimension for variable in model.outputs)):
         return model
-    name_of = {name.removesuffix("_function"): name for name in SIGNATURES}
-    functions = {name_of[p.name]: row_function(replace(p, n=_LINKS)) for p in model.programs}
 
     def shortened(variables: Iterable[Variable]) -> tuple[Variable, ...]:
         return tuple(
@@ -63,7 +59,7 @@ def _shortened_chain(model: Model) -> Model:
         )
 
     groups = {name: shortened(getattr(model, name)) for name in ("parameters", "inputs", "outputs")}
-    return replace(model, **functions, **groups)
+    return replace(model, **model.loops.functions(_LINKS), **groups)
 
 
 def initial_outputs(model: Model) -> ca.Function:

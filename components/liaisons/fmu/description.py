@@ -118,7 +118,7 @@ def model_description(
         "variableNamingConvention": "structured",
         **({"numberOfEventIndicators": str(len(model.contacts))} if fmi == "2" else {}),
     }
-    model = model if arrays else replace(model.flat(), programs=())
+    model = model if arrays else replace(model.flat(), loops=None)
     return document(element("fmiModelDescription", attributes, _root_children(model, fmi, backend)))
 
 

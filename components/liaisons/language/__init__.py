@@ -3,7 +3,8 @@
 :mod:`liaisons.mechanics` derives equations from them, :mod:`liaisons.fmu` builds FMUs.
 """
 
-from liaisons.language.chain import Chain
+from typing import Any
+
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component
 from liaisons.language.declarations import (
@@ -47,6 +48,7 @@ from liaisons.language.joints import (
     ground,
 )
 from liaisons.language.linkage import Linkage
+from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.language.sampled import Sampled
@@ -73,7 +75,6 @@ __all__ = [
     "Body",
     "BodyPoint",
     "Box",
-    "Chain",
     "Component",
     "Coordinate",
     "Cylindrical",
@@ -90,6 +91,7 @@ __all__ = [
     "InternalState",
     "Joint",
     "Linkage",
+    "MechanicalComponent",
     "Mechanism",
     "Operator",
     "Orientation",
@@ -130,3 +132,14 @@ __all__ = [
     "unchecked",
     "unilateral",
 ]
+
+_PUBLIC_ELSEWHERE = frozenset({"Chain"})
+
+
+def __getattr__(name: str) -> Any:
+    """Declarations with packages of their own, which may be imported from here, too."""
+    if name not in _PUBLIC_ELSEWHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import liaisons
+
+    return getattr(liaisons, name)

@@ -1,18 +1,16 @@
 """Model of a component, as FMU back ends take it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.language.sampled import LATE, SampledStates
-from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, declared_fields
@@ -26,11 +24,26 @@ def assemble(component: type[Component], n: object = None) -> Model:
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
     :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
-    if issubclass(component, Chain):
-        return chain_model(component, component(n).sizes["n"])
-    if issubclass(component, Mechanism):
-        return mechanism_model(component if n is None else component.of_size(n))
+    for kind in component.__mro__:
+        if model_of := _MODEL_OF.get(kind):
+            return model_of(component, n)
     return _signal_model(component, n)
+
+
+def assemble_by(kind: type[Component], model_of: Callable[[Any, object], Model]) -> None:
+    """Let :func:`assemble` make models of the subclasses of a class by a function of its own.
+
+    :param model_of: component and n → model.
+    """
+    _MODEL_OF[kind] = model_of
+
+
+def _mechanism_model(component: type[Mechanism], n: object) -> Model:
+    """Model of a mechanism with n elements, as declared by default."""
+    return mechanism_model(component if n is None else component.of_size(n))
+
+
+_MODEL_OF: dict[type[Component], Callable[[Any, object], Model]] = {Mechanism: _mechanism_model}
 
 
 def _signal_model(component: Any, n: object) -> Model:

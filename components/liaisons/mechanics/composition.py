@@ -149,7 +149,7 @@ class _Joined:
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         if self.contacts:  # chains are written out link by link
             scalar = True
-            refuse_long_chain(name, max((program.n for model in models for program in model.programs), default=0))
+            refuse_long_chain(name, max((model.loops.links for model in models if model.loops), default=0))
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
         inputs = _concatenated(models, "inputs")

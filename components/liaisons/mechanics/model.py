@@ -15,16 +15,15 @@ An FMU back end needs nothing else of a component.  The vectors, always in this 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
 from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError, LiaisonsError
-from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
 from liaisons.language.declarations import Coordinate
 from liaisons.language.layout import Layout
@@ -123,6 +122,46 @@ class Reach:
     prescribed: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A function in C, and the numbers of work space that it needs."""
+
+    text: str
+    reals: int
+
+
+class Loops(Protocol):
+    """Functions of a model that run along a row of equal links, as C that CasADi does not write."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Members of Model that they are."""
+        ...
+
+    @property
+    def links(self) -> int:
+        """How many links there are."""
+        ...
+
+    @property
+    def preamble(self) -> str:
+        """C that stands before the functions."""
+        ...
+
+    def code(self, coupled: int, differentiated: Iterable[str], *, adjoint: bool) -> Mapping[str, Code]:
+        """The functions and their derivatives in C, by member of ``Model`` in core.h.
+
+        :param coupled: number of coupled states, on which the rates depend.
+        :param differentiated: members of Model of which there are derivatives.
+        :param adjoint: with adjoint derivatives.
+        """
+        ...
+
+    def functions(self, links: int) -> Mapping[str, ca.Function]:
+        """The functions of a row with so many links, by member of Model."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class Model(Layout):
     """A component, ready to become an FMU.
@@ -155,7 +194,7 @@ class Model(Layout):
     experiment: Experiment = field(default_factory=Experiment)
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
-    programs: tuple[RowProgram, ...] = ()  # of the functions that run along links
+    loops: Loops | None = field(default=None, hash=False)  # functions that run along links
     picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
     drawn: tuple[Variable, ...] = ()  # calculated only when read
     draw: ca.Function | None = None

@@ -12,7 +12,6 @@ import numpy as np
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import at_zero, gradient, solve_symmetric, stack
-from liaisons.language.chain import Chain
 from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.linkage import Linkage
@@ -42,19 +41,17 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     return (
         Equation("lagrangian", "L", equations.lagrangian),
         Equation("energy", "energy", equations.energy),
-        *_dissipation_equation("friction", equations.friction.function),
-        *_row_equations("momenta", momenta, m.free.frame @ equations.momenta),
-        *(() if equations.convergence.shape[0] else _row_equations("rates", rates, equations.unconstrained_velocities)),
-        *_row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
-        *_row_equations(
-            "motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]
-        ),
-        *_row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
+        *dissipation_equation("friction", equations.friction.function),
+        *row_equations("momenta", momenta, m.free.frame @ equations.momenta),
+        *(() if equations.convergence.shape[0] else row_equations("rates", rates, equations.unconstrained_velocities)),
+        *row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
+        *row_equations("motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
+        *row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *_constraint_equations(equations),
         *_contact_equations(equations),
-        *_row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
+        *row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
-        *_row_equations("points", equations.points, stack(equations.points.values())),
+        *row_equations("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, m.expression_of(item)) for item in m.outputs),
     )
 
@@ -76,8 +73,8 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     slope, applied = recursion.lagrangian_gradient, unloaded + elastic_forces(m)[0]
     return (
         *rows,
-        *_row_equations("momenta", momenta, recursion.generalised_momenta),
-        *_row_equations("motion", [f"{name}_dot" for name in momenta], slope + applied),
+        *row_equations("momenta", momenta, recursion.generalised_momenta),
+        *row_equations("motion", [f"{name}_dot" for name in momenta], slope + applied),
         *_constraint_equations(equations),
         *_contact_equations(equations),
     )
@@ -89,30 +86,12 @@ def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
     names = (f"{x.name}_dot" for x in m.internal_states)
     return (
         *(Equation("signal", "y", y) for y in m.triple()[:1] if not arrays),
-        *_row_equations("internal", names, m.internal_rate_column()),
+        *row_equations("internal", names, m.internal_rate_column()),
         *(Equation("update", name, ca.SX(x)) for name, x in (m.update() if isinstance(m, Sampled) else {}).items()),
     )
 
 
-def of_chain(chain: Chain) -> tuple[Equation, ...]:
-    """Equations of a link of a chain: energies, joint of the next link, points, contacts."""
-    base = chain.base() or {}
-    dissipated = ca.SX(chain.friction_coefficient()) * ca.SX(chain.kinetic_energy())
-    dissipated += ca.SX(chain.dissipation_function()) + ca.SX(chain.bond_dissipation())
-    points = chain.point_components()
-    return (
-        Equation("link", "kinetic_energy", ca.SX(chain.kinetic_energy())),
-        Equation("link", "potential_energy", ca.SX(chain.potential_energy()) + ca.SX(chain.bond_energy())),
-        *_dissipation_equation("link", dissipated),
-        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
-        *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
-        *_row_equations("points", points, stack(points.values())),
-        *(Equation("unilateral", item.name, chain.expression_of(item)) for item in chain.unilaterals),
-        *_friction_equations(chain),
-    )
-
-
-def _dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
+def dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
     """Yield the dissipation function as an equation, unless it is 0."""
     if not function.is_zero():
         yield Equation(section, "D", function)
@@ -121,10 +100,10 @@ def _dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
 def of_operators(equations: Equations) -> tuple[Equation, ...]:
     """Equations of the operators: power of each, and multipliers of constraints as solved for."""
     m, lambdas = equations.mechanism, _solved_multipliers(equations)
-    powers = _row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
+    powers = row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
     names = [f"lambda_{item.name}" for item in m.passive_constraints]
     names += [f"{item.name}_force" for item in m.rheonomic_constraints]
-    return (*powers, *(() if lambdas is None else _row_equations("multipliers", names, lambdas)))
+    return (*powers, *(() if lambdas is None else row_equations("multipliers", names, lambdas)))
 
 
 def _solved_multipliers(equations: Equations) -> ca.SX | None:
@@ -153,9 +132,9 @@ def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
         if A.sparsity().has_nz(i, k)
     )
     return (
-        *_row_equations("accelerations", accelerations, _solved_accelerations(A, forces)),
+        *row_equations("accelerations", accelerations, _solved_accelerations(A, forces)),
         *matrix,
-        *_row_equations("matrix", [f"h[{row}]" for row in rows], -forces),
+        *row_equations("matrix", [f"h[{row}]" for row in rows], -forces),
     )
 
 
@@ -194,8 +173,8 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     applied = equations.applied_forces + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
         Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
-        *_row_equations("canonical", [suffixed_name(name, "_dot") for name in names], solved),
-        *_row_equations("canonical", [suffixed_name(f"p_{name}", "_dot") for name in names], pulled + applied),
+        *row_equations("canonical", [suffixed_name(name, "_dot") for name in names], solved),
+        *row_equations("canonical", [suffixed_name(f"p_{name}", "_dot") for name in names], pulled + applied),
     )
 
 
@@ -248,17 +227,17 @@ def _contact_equations(equations: Equations) -> Iterator[Equation]:
     """Yield gaps, impacts (rate v, restitution e, compliance G = C A⁻¹ Cᵀ) and thresholds of friction as equations."""
     m = equations.mechanism
     numbers, gaps = contact_numbers(m), [item.name for item in m.unilaterals]
-    yield from _row_equations("unilateral", gaps, numbers["gap"])
+    yield from row_equations("unilateral", gaps, numbers["gap"])
     C = ca.jacobian(numbers["v"], m.free.q_dot)[: len(gaps), :]
     G = C @ solve_symmetric(equations.mass_matrix, C.T) if gaps else ca.SX(0, 0)
     for i, name in enumerate(gaps):
         yield Equation("impacts", f"v_{name}", numbers["v"][i])
         yield Equation("impacts", f"e_{name}", numbers["restitution"][i])
-        yield from _row_equations("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
-    yield from _friction_equations(m)
+        yield from row_equations("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
+    yield from friction_equations(m)
 
 
-def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
+def friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
     """Yield relative velocities of dry friction, and their thresholds."""
     for item in m.dry_frictions:
         yield Equation("dry_friction", item.name, m.expression_of(item))
@@ -267,6 +246,6 @@ def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
             yield Equation("dry_friction", f"{letter}_{item.name}", m.contact_coefficient(threshold) * normal)
 
 
-def _row_equations(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:
+def row_equations(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:
     """Equations of a section, one for each name and row of a column."""
     return (Equation(section, name, row) for name, row in zip(names, ca.vertsplit(column), strict=True))

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 import casadi as ca
 
 from liaisons.base import units
+from liaisons.chains import Chain, link_of
 from liaisons.expressions.algebra import gradient
 from liaisons.formulas import Notation
-from liaisons.language import Chain, Variable
+from liaisons.language import Variable
 from liaisons.mechanics import assemble
-from liaisons.mechanics.chains.sweeps import link_of
 from liaisons.mechanics.model import refuse_contacts
 from liaisons.modelica_text.text import (
     MOTION,

@@ -2,7 +2,8 @@
 
 from collections.abc import Collection, Iterable
 
-from liaisons.language import Chain, Mechanism, Operator
+from liaisons.chains import Chain
+from liaisons.language import Mechanism, Operator
 from liaisons.language.component import Component
 from liaisons.mechanics.model import refuse_samples
 from liaisons.modelica_text.annotations import annotation

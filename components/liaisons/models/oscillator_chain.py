@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, calculated
+from liaisons.chains import Chain
+from liaisons.language import Coordinate, Experiment, Parameter, Size, calculated
 from liaisons.language.shapes import Ball, Shapes, Spring
 
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
+from liaisons.chains import Chain
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Joint, Parameter, Size, point
 from liaisons.language.shapes import Ball, Rod, Shapes
 
 

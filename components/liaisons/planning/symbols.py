@@ -17,7 +17,7 @@ from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions import nonzero_states
 from liaisons.expressions.algebra import stack
-from liaisons.language import Chain, Mechanism
+from liaisons.language import MechanicalComponent
 from liaisons.library import component, model
 from liaisons.mechanics import Model
 from liaisons.mechanics.model import refuse_contacts
@@ -233,7 +233,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     """
     declared: Any = component(goal.component)
     name = declared.__name__
-    if not issubclass(declared, (Mechanism, Chain)):
+    if not issubclass(declared, MechanicalComponent):
         raise PlanError(f"{name} is an operator; plan the motion of a mechanism")
     if not goal.phases:
         remedy = "say with phases=[...] in which order plan takes them; hold and observe the mechanism without them"

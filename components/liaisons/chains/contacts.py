@@ -2,10 +2,10 @@
 
 import casadi as ca
 
+from liaisons.chains.chain import Chain
+from liaisons.chains.rows import Step, Sum, Vector, carry
+from liaisons.chains.sweeps import Base, ChainLink, LinkMotion
 from liaisons.expressions.algebra import stack
-from liaisons.expressions.rows import Step, Sum, Vector, carry
-from liaisons.language.chain import Chain
-from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion
 from liaisons.mechanics.unilateral import CONTACT_NUMBERS, contact_thresholds
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
+from liaisons.chains.loops.plans import LoopPlan, LoopPlans, operands
+from liaisons.chains.rows import RowProgram
 from liaisons.expressions import OPERATIONS, Instruction, literal
-from liaisons.expressions.rows import RowProgram
-from liaisons.fmu.loops.plans import LoopPlan, LoopPlans, operands
+from liaisons.mechanics.model import Code
 
 PREAMBLE = """\
 #if defined __GNUC__ && !defined __clang__
@@ -31,14 +31,6 @@ static inline VECTORISED double total(const double *terms, size_t count) {
 """
 
 _LONGEST = 80  # characters of an expression without a name
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
-    """A function in C, and the numbers of work space that it needs."""
-
-    text: str
-    reals: int
 
 
 def loops_code(program: RowProgram) -> Code:

@@ -1,8 +1,8 @@
 """Calculations along a row of links, described by one link.
 
 A program is a list of steps (map, sum, scan) over scalar symbols, each one number a link or a single number.
-:mod:`liaisons.expressions.row_functions` makes a CasADi function of it, :mod:`liaisons.fmu.loops` loops in C, and
-:mod:`liaisons.expressions.row_derivatives` programs of its derivatives.  The size of all but the first, and the time to
+:mod:`liaisons.chains.row_functions` makes a CasADi function of it, :mod:`liaisons.chains.loops` loops in C, and
+:mod:`liaisons.chains.row_derivatives` programs of its derivatives.  The size of all but the first, and the time to
 make them, do not depend on the number of links.
 """
 

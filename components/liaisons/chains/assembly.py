@@ -6,13 +6,14 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.expressions.algebra import stack
-from liaisons.expressions.row_functions import row_function
-from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed_steps, row_program, substituted
-from liaisons.language.chain import Chain
-from liaisons.language.variables import Variable
-from liaisons.mechanics.chains.contacts import link_contact_numbers
-from liaisons.mechanics.chains.sweeps import (
+from liaisons.chains.chain import Chain
+from liaisons.chains.contacts import link_contact_numbers
+from liaisons.chains.loops import ChainLoops
+from liaisons.chains.pictures import chain_picture
+from liaisons.chains.printing import of_chain
+from liaisons.chains.row_functions import row_function
+from liaisons.chains.rows import RowProgram, Step, Sum, Vector, carry, renamed_steps, row_program, substituted
+from liaisons.chains.sweeps import (
     Base,
     ChainLink,
     LinkMotion,
@@ -21,13 +22,18 @@ from liaisons.mechanics.chains.sweeps import (
     mass_matrix_diagonal,
     momenta,
 )
+from liaisons.expressions.algebra import stack
+from liaisons.language.variables import Variable
 from liaisons.mechanics.energy_accounting import MEMORY, memory_names, with_energy_accounting
 from liaisons.mechanics.functions import SIGNATURES, model_functions
 from liaisons.mechanics.model import Contact, Model, declared_fields
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
-from liaisons.mechanics.pictures import chain_picture
-from liaisons.mechanics.printing import of_chain
 from liaisons.mechanics.unilateral import ContactModes, contacts_of
+
+
+def model_of(component: type[Chain], n: object) -> Model:
+    """Model of a chain of n links, as declared by default."""
+    return chain_model(component, component(n).sizes["n"])
 
 
 @cache
@@ -108,7 +114,7 @@ def _loop_functions(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
     whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
     functions |= model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)})
-    return functions | {"programs": tuple(programs.values()), "condition_texts": ()}
+    return functions | {"loops": ChainLoops(tuple(programs.values())), "condition_texts": ()}
 
 
 def _unrolled_functions(

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import casadi as ca
 
+from liaisons.chains.rows import Carry, Each, RowProgram, Sum, Vector, key, keys, scalars
 from liaisons.expressions.operations import interpret, perform
-from liaisons.expressions.rows import Carry, Each, RowProgram, Sum, Vector, key, keys, scalars
 
 _BRANCHES = 10
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from liaisons.expressions.rows import (
+from liaisons.chains.rows import (
     Carry,
     Each,
     RowProgram,

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from liaisons.chains.chain import Chain
+from liaisons.chains.rows import Each, Step, Sum, carry
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
-from liaisons.expressions.rows import Each, Step, Sum, carry
-from liaisons.language.chain import Chain
 from liaisons.mechanics.friction import Dissipation
 
 
