@@ -9,7 +9,9 @@ from .check import frequencies as frequencies
 from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
+from .check.invariants import check_fmu as check_fmu
 from .cosim import Signal as Signal
+from .cosim import read_result as read_result
 from .cosim import sampled as sampled
 from .derivatives import gradient as gradient
 from .derivatives import linearize as linearize
@@ -24,6 +26,7 @@ from .holding import observe as observe
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
+from .interface import formula_signal as formula_signal
 from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate

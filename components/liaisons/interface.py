@@ -172,6 +172,21 @@ def operator(
     return cosim.OperatorFmu(path, merged_start_values(path.stem, start_values, keywords))
 
 
+def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0) -> cosim.Signal:
+    """Return the function of time that a formula describes, with its first and second derivatives.
+
+    ``simulate("Pendulum", inputs={"length": formula_signal("1 + 0.1*sin(5*t)")})``
+
+    :param text: a formula of the time ``t`` [s].
+    :param start_time: this and ``stop_time``: between which [s] short pulses, ``exp(-(t - 1)**2/0.001)``, are looked
+        for, so that a run has communication points in them.
+    :raises FormulaError: if it is none; names the place, and the nearest name.
+    """
+    from liaisons.expressions import pulse_instants, time_function  # loads CasADi
+
+    return cosim.Signal(time_function(text), pulse_instants(text, start_time, stop_time))
+
+
 def tabulated(
     times: ArrayLike,
     values: ArrayLike,
@@ -251,9 +266,12 @@ class System(cosim.System):
         return super().add(name, path, isolated=isolated, start_values=start_values, **keywords)
 
     @classmethod
-    def from_ssp(cls, path: Path | str) -> Self:
-        """Read an SSP archive (1.0 or 2.0) of any tool, see :func:`liaisons.ssp.read`."""
-        return ssp.read(path, cls)
+    def from_ssp(cls, path: Path | str, start_values: Mapping[str, object] | None = None) -> Self:
+        """Read an SSP archive (1.0 or 2.0) of any tool, see :func:`liaisons.ssp.read`.
+
+        :param start_values: ``"component.variable"`` -> start value, where it differs from that of the archive.
+        """
+        return ssp.read(path, cls, start_values)
 
     write_ssp = ssp.write
     flatten = flattening.flatten

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from liaisons.cli._invariants import _relative_difference
+from liaisons.check.invariants import _relative_difference
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Oscillator

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from liaisons.base.knots import knots, piecewise_polynomial
-from liaisons.cli._expressions import FormulaError, parse_expression, pulse_instants
-from liaisons.errors import SimulationError
+from liaisons.errors import FormulaError, SimulationError
+from liaisons.expressions import pulse_instants, time_function
 
 
 @pytest.mark.parametrize(
@@ -51,19 +51,19 @@ from liaisons.errors import SimulationError
     ids=lambda text: text if len(text) < 40 else "",
 )
 def test_values_and_derivatives_are_those_on_paper(text: str, rate: str, acceleration: str) -> None:
-    function, names = parse_expression(text), {**vars(math), "abs": abs, "pow": pow}
+    function, names = time_function(text), {**vars(math), "abs": abs, "pow": pow}
     for instant in (0.25, 1.0, 1.75, 3.0):
         expected = [eval(written, names | {"t": instant}) for written in (text, rate, acceleration)]
         np.testing.assert_allclose(function(instant), expected, rtol=1e-13, atol=1e-13)
 
 
 def test_where_derivatives_are_missing_the_value_is_there() -> None:
-    assert parse_expression("sqrt(t)")(0.0)[:2] == (0.0, math.inf)
-    assert parse_expression("t**1.5")(0.0)[:2] == (0.0, 0.0)
-    assert parse_expression("abs(t)")(0.0) == (0.0, 1.0, 0.0)  # on the side where time goes
-    assert parse_expression("abs(-t**2)")(0.0) == (0.0, 0.0, 2.0)
-    assert parse_expression("t**2")(0.0) == (0.0, 0.0, 2.0)
-    assert parse_expression("t**0")(0.0) == (1.0, 0.0, 0.0)
+    assert time_function("sqrt(t)")(0.0)[:2] == (0.0, math.inf)
+    assert time_function("t**1.5")(0.0)[:2] == (0.0, 0.0)
+    assert time_function("abs(t)")(0.0) == (0.0, 1.0, 0.0)  # on the side where time goes
+    assert time_function("abs(-t**2)")(0.0) == (0.0, 0.0, 2.0)
+    assert time_function("t**2")(0.0) == (0.0, 0.0, 2.0)
+    assert time_function("t**0")(0.0) == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_where_derivatives_are_missing_the_value_is_there() -> None:
 )
 def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
     with pytest.raises(FormulaError) as caught:
-        parse_expression(text)
+        time_function(text)
     assert words in str(caught.value)
     assert len(str(caught.value)) < 300
     assert "\n" not in str(caught.value)
@@ -116,11 +116,11 @@ def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
 )
 def test_what_has_no_value_says_so_and_takes_no_time(text: str) -> None:
     with pytest.raises(FormulaError, match="has no value there"):
-        parse_expression(text)(0.0)
+        time_function(text)(0.0)
 
 
 def test_many_terms_are_no_problem() -> None:
-    function = parse_expression("0" + "+t" * 190)
+    function = time_function("0" + "+t" * 190)
     assert function(2.0) == (380.0, 190.0, 0.0)
 
 

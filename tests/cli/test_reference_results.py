@@ -12,8 +12,7 @@ import pytest
 from liaisons.base.archive import Archive
 from liaisons.base.related_files import FOLDER, related_files
 from liaisons.check import Verdict
-from liaisons.cli._invariants import _reference_verdicts
-from liaisons.cosim.description.fmu import read
+from liaisons.cli._reference_results import reference_verdicts
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import OscillatorChain, Satellite, Sinusoid
@@ -69,7 +68,7 @@ def replaced(old: str, new: str) -> Edit:
 
 def repeated(path: Path) -> Verdict | str:
     """What is said of the reference results."""
-    (report,) = _reference_verdicts(read(path))
+    (report,) = reference_verdicts(path)
     return report
 
 

@@ -28,6 +28,7 @@ from liaisons import (
     System,
     Verdict,
     build,
+    check_fmu,
     ensemble,
     equations,
     gradient,
@@ -40,7 +41,6 @@ from liaisons import (
     sweep,
 )
 from liaisons.base.compiler import zig_compiler
-from liaisons.cli._invariants import invariants
 from liaisons.cosim import Result
 from liaisons.jax import motion
 from liaisons.language.component import Component
@@ -517,7 +517,7 @@ def try_impulses(workshop: Workshop, kind: str) -> None:
 
 
 def try_check(workshop: Workshop, kind: str) -> None:
-    verdicts = [report for report in invariants(fmu_file(workshop.made(kind))) if isinstance(report, Verdict)]
+    verdicts = [report for report in check_fmu(fmu_file(workshop.made(kind))) if isinstance(report, Verdict)]
     assert verdicts
     assert [verdict.claim for verdict in verdicts if not verdict.passed] == []
 

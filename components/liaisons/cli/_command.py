@@ -18,7 +18,7 @@ from liaisons.errors import SimulationError
 from liaisons.library import component_names, components, is_robot, variables
 
 if TYPE_CHECKING:
-    from liaisons.check import Verdict
+    from liaisons import Verdict
 
 _WIDTH = 100
 """Width of output that does not go to a terminal."""

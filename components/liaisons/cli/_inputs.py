@@ -6,21 +6,20 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from os.path import isfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liaisons import Signal, formula_signal, tabulated
 from liaisons.base.arrays import Floats
 from liaisons.base.knots import Join, knots, piecewise_polynomial
+from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table
-from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.sources import Signal
-from liaisons.errors import LiaisonsError, SimulationError, suggestion
+from liaisons.errors import FormulaError, LiaisonsError, SimulationError, suggestion
 
 if TYPE_CHECKING:
-    from liaisons.cosim import OperatorFmu, System
-    from liaisons.cosim.structure.components import Port
-    from liaisons.cosim.structure.sources import Function
+    from liaisons import System
+    from liaisons.cosim import OperatorFmu, Port
 
 Triple = tuple[float, float, float]
 """Value, rate, acceleration."""
@@ -32,7 +31,7 @@ _ROUNDING = 1e-9  # of the span of a table: by so much it may miss start or stop
 class PrescribedInputs:
     """Values that --input prescribes: functions of time by the names of inputs, and operators by owner and port."""
 
-    functions: dict[str, Function] = field(default_factory=dict)
+    functions: dict[str, Signal] = field(default_factory=dict)
     operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
 
 
@@ -62,7 +61,7 @@ def prescribed_inputs(
         else:
             new = {name.strip()}
             prescribed.functions[name.strip()] = _input_function(
-                name.strip(), right, lambda name: _input_port(system, name, single=single), (start_time, stop_time)
+                name.strip(), right, lambda name: input_port(system, name, single=single), (start_time, stop_time)
             )
         for name in new & names:
             raise SimulationError(f"--input: {name} is given twice; leave one out")
@@ -77,20 +76,19 @@ def span_of_tables(inputs: Iterable[str]) -> tuple[float, float] | None:
     return (max(t[0] for t in times), min(t[-1] for t in times)) if times else None
 
 
-def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Function:
+def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Signal:
     """Function of time that a formula prescribes for an input, with the instants of its pulses."""
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
-    from liaisons.cli._expressions import FormulaError, parse_expression, pulse_instants  # loads CasADi
-
     try:
-        function, breaks = parse_expression(text), pulse_instants(text, *span)
+        signal = formula_signal(text, *span)
     except FormulaError as error:
         raise FormulaError(f"--input {name}: {error}") from None
-    return Signal(function if port_of(name).triple() else lambda t: function(t)[0], breaks)
+    triple: Any = signal.function
+    return signal if port_of(name).triple() else Signal(lambda t: triple(t)[0], signal.breaks)
 
 
-def _input_port(system: System, name: str, *, single: bool) -> Port:
+def input_port(system: System, name: str, *, single: bool) -> Port:
     """Port of an input.
 
     :raises SimulationError: with the nearest name, if there is no such input.
@@ -135,7 +133,7 @@ def _input_table(system: System, path: Path, *, single: bool) -> tuple[Table, di
     if left_out:
         logger.warning("%s: left out, as they are no inputs: %s", path, ", ".join(left_out))
     try:
-        return table, {name: _input_port(system, name, single=single) for name in driving}
+        return table, {name: input_port(system, name, single=single) for name in driving}
     except SimulationError as error:
         raise SimulationError(f"{path}: {str(error).removeprefix('--input: ')}") from None
 
@@ -174,8 +172,6 @@ def _prescribe_table(
 
     Columns of rates belong to the operator of their coordinate.
     """
-    from liaisons.interface import tabulated
-
     triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:

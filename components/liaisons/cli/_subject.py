@@ -2,23 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
-from liaisons import ssp
-from liaisons.base.array_names import array_and_index
+from liaisons import Result, System, fmu_path, simulate, ssp
+from liaisons.base.arguments import shown
 from liaisons.base.knots import Join
+from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, load_module
-from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs, span_of_tables
-from liaisons.cosim import System
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked_simulation, variable_reference
-from liaisons.library import fmu_file, fmu_path
+from liaisons.cli._inputs import PrescribedInputs, input_port, prescribed_inputs, span_of_tables
+from liaisons.errors import InvalidValueError
+from liaisons.library import fmu_file
 
-MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
+
+
+@final
+@dataclass(frozen=True)
+class RequestedSimulation:
+    """Simulation of a system, or of one FMU, whose signals have no prefix, as the options of a command describe it.
+
+    The files of an archive are deleted with its system.
+
+    :param system: with the operators of --input.
+    :param settings: of ``simulate``.
+    :param fmu: the one FMU, and ``start_values`` its start values and operators.
+    :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
+    """
+
+    system: System
+    settings: Mapping[str, Any]
+    fmu: Path | None = None
+    start_values: Mapping[str, Any] | None = None
+    isolated: float = 0.0
+
+    @property
+    def steps(self) -> float:
+        """Number of communication steps, about."""
+        size = self.settings["step_size"]
+        return (self.settings["stop_time"] - self.settings["start_time"]) / size if size else math.inf
+
+    def run(self, **options: Any) -> Result:
+        """Run it, with further settings of ``simulate``."""
+        settings = {**self.settings, **options}
+        if self.fmu is None:
+            return self.system.isolated_copy(self.isolated).simulate(**settings)
+        return simulate(self.fmu, isolated=self.isolated, start_values=self.start_values, **settings)
 
 
 def resolved_subject(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path | System, dict[str, Any]]:
@@ -31,7 +63,7 @@ def resolved_subject(word: str, starts: Iterable[Any], size: Any = None) -> tupl
     if size:
         return fmu_path(word, **dict([size])), start_values
     if word.lower().endswith(".ssp"):
-        return ssp.read(word, System, start_values), {}
+        return System.from_ssp(word, start_values), {}
     return declared_system(word) or fmu_file(word), start_values
 
 
@@ -42,7 +74,7 @@ def declared_system(word: str) -> System | None:
     return system if isinstance(system, System) else None
 
 
-def subject_simulation(
+def requested_simulation(
     word: str,
     starts: Sequence[Any],
     *span: float | None,
@@ -51,17 +83,17 @@ def subject_simulation(
     record: list[str] | None = None,
     isolated: float = 0.0,
     size: Any = None,
-) -> tuple[System, Simulation]:
-    """System of a command-line argument, and its simulation as the options describe it.
-
-    The files of an archive are deleted with its system.
+) -> RequestedSimulation:
+    """Simulation of a command-line argument as the options describe it.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
     :param inputs: --input, and ``join`` --join.
-    :param record: signals besides :func:`mismatch_names`; outputs and inputs if None.
-    :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
+    :param record: signals besides mismatches; outputs and inputs if None.
+    :param isolated: as :class:`RequestedSimulation` has it.
     :param size: --size, of a component.
     """
+    if not 0 <= isolated < math.inf:
+        raise InvalidValueError(f"--isolated = {shown(isolated)}: give True, or the seconds that a call may take")
     subject, rest = resolved_subject(word, starts, size)
     if single := not isinstance(subject, System):
         system = System(subject.stem)
@@ -93,43 +125,39 @@ def subject_simulation(
     _refuse_ignored_starts(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)
+    settings = {
+        "start_time": begin,
+        "stop_time": end,
+        "step_size": size,
+        "tolerance": own.tolerance if tolerance is None else tolerance,
+        "record": _recorded(system, record, isolated, single=single),
+        "inputs": driven.functions,
+    }
+    if isinstance(subject, System):
+        return RequestedSimulation(system, settings, isolated=isolated)
+    prescribed = {port: operator for operators in driven.operators.values() for port, operator in operators.items()}
+    return RequestedSimulation(system, settings, subject, {**rest, **prescribed}, isolated)
+
+
+def _recorded(system: System, record: list[str] | None, isolated: float, *, single: bool) -> list[str] | None:
+    """Names to be recorded: those that were asked for, or outputs and inputs, and mismatches; None for the default."""
     parts = {name: part.isolated_copy(isolated) if isolated else part for name, part in system.parts.items()}
-    watched = [
-        name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatch_names(part.fmu)
+    mismatches = [
+        name if single else f"{owner}.{name}" for owner, part in parts.items() for name in part.fmu.mismatches
     ]
-    settings = SimulationSettings(
-        start_time=begin,
-        stop_time=end,
-        step_size=size,
-        tolerance=own.tolerance if tolerance is None else tolerance,
-        record=record,
-        inputs=driven.functions,
-    )
-    asked = checked_simulation(system.name, parts, system.connections, settings, single=single, also=watched)
-    return system, asked
+    if record is None and mismatches:
+        every = list(parts.items())[: 1 if single else None]
+        usual = [(owner, name) for owner, part in every for name in part.fmu.recorded(part.transferable_types)]
+        record = [name if single else f"{owner}.{name}" for owner, name in usual]
+    return None if record is None else [*record, *mismatches]
 
 
 def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: PrescribedInputs, *, single: bool) -> None:
     """Raise a ProjectError for a start value of a variable that --input moves."""
-    variables = [
-        variable_reference(system.name, system.parts, "input", name, single=single) for name in driven.functions
-    ]
-    variables += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
-    for owner, variable in variables:
-        port = system.parts[owner][variable]
+    ports = [input_port(system, name, single=single) for name in driven.functions]
+    ports += [system.parts[owner][port] for owner, operators in driven.operators.items() for port in operators]
+    for port in ports:
         for moved in port.triple() or [port]:
             name = moved.name if single else str(moved)
             if name in starts:
-                raise ProjectError(f"--set {name}: --input {variable} says where it begins, too; leave one out")
-
-
-def mismatch_names(fmu: Fmu) -> list[str]:
-    """Names of the local variables that measure how far σ, σ̇ and σ̈ of inputs contradict each other."""
-    inputs = {name for port in fmu.reals("input") for name in (port, array_and_index(port)[0])}
-    names: list[str] = []
-    for name in fmu.reals("local"):
-        base, _ = array_and_index(name)
-        value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
-        if base.endswith(MISMATCH) and value in inputs and fmu.terminals.port(value):
-            names.append(name)
-    return names
+                raise ProjectError(f"--set {name}: --input {port.name} says where it begins, too; leave one out")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from liaisons.companion import Entry, entries_of, is_text_number
-from liaisons.library import catalogue_names
+from liaisons.library import component_names
 
 
 def requested_scenarios(name: str) -> list[str]:
@@ -38,7 +38,7 @@ def requested_component(name: str) -> tuple[str, str | None]:
 
 def entry_components(entry: Entry) -> list[str]:
     """Components of the catalogue that have a number of the texts."""
-    names = set(catalogue_names())
+    names = set(component_names())
     return [name for name in dict.fromkeys(item.partition(".")[0] for item in entry.lives) if name in names]
 
 

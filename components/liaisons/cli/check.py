@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Annotated
 
 from liaisons.cli._command import command, print_verdicts, subject_argument
@@ -18,11 +19,11 @@ def check(fmu: Annotated[str, subject_argument("FMU|NAME|FILE.py")]) -> int:
 
     Exit status 1 when it fails.
     """
-    from liaisons.check import Verdict
-    from liaisons.cli._invariants import invariants
+    from liaisons import Verdict, check_fmu
+    from liaisons.cli._reference_results import reference_verdicts
 
-    verdicts = []
-    for report in invariants(fmu_file(fmu)):
+    verdicts, path = [], fmu_file(fmu)
+    for report in chain(check_fmu(path), reference_verdicts(path)):
         if isinstance(report, Verdict):
             verdicts.append(report)
         else:

@@ -36,8 +36,7 @@ def compare(
 
     Exit status 1 when they differ by more than a tolerance.
     """
-    from liaisons.check import compare
-    from liaisons.results import Result
+    from liaisons import Result, compare
 
     readers = {".parquet": Result.from_parquet}
     comparison = compare(*(readers.get(path.suffix, Result.from_csv)(path) for path in (first, second)))

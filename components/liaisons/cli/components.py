@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from liaisons.base.compiler import Backend, Platforms
+from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, relative_to_working_directory
@@ -33,7 +33,7 @@ from liaisons.cli._command import (
     subject_argument,
 )
 from liaisons.errors import BackEndError, LiaisonsError
-from liaisons.library import catalogue, model, reserve_fmu, sized_folder
+from liaisons.library import build_versions, reserve_fmu
 from liaisons.library import components as find
 
 if TYPE_CHECKING:
@@ -63,10 +63,11 @@ def list_components(
 
 def _show_published() -> None:
     """Print a table of components for each package that publishes some, without those that cannot be loaded."""
+    catalogue = {component.__name__ for component in find("all")}
     for package, entries in published_components().items():
         rows = []
         for component in entries:
-            if component in catalogue() or len(publishers(component)) > 1:
+            if component in catalogue or len(publishers(component)) > 1:
                 logger.warning(
                     "package %s: its %s is %s:%s; others have this name", package, component, package, component
                 )
@@ -139,9 +140,10 @@ def build(
     # All are found before the first is built: a misspelt name must not cost a compilation.
     targets = add_robot_options(targets or [], prescribe, limits=limits, balance_inertia=balance_inertia)
     chosen = targets or declared_components()
-    named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
+    chosen = [component.__name__ for component in find("all")] if chosen is None else chosen
+    named = [(t, component) for t in chosen for component in find(t)]
     sizes = dict([size] if size else [])
-    folder = sized_folder(output or fmus_directory(), sizes)
+    folder = output or fmus_directory()
     if as_modelica:
         if (backend, platforms, fmi, arrays, size) != ("auto", "host", "2", True, None):
             raise typer.BadParameter("--backend, --platforms, --fmi, --no-arrays, --size are of FMUs; omit --modelica")
@@ -151,10 +153,10 @@ def build(
     if standard_library:
         raise typer.BadParameter("--standard-library is of Modelica text; give --modelica, too")
     for _, component in named:
-        reserve_fmu(component, folder)
+        reserve_fmu(component, folder, **sizes)
     names = [(target, component.__name__) for target, component in named]
     how = {"backend": backend, "platforms": platforms, "arrays": arrays}
-    versions = ["2", "3"] if fmi == "both" else [fmi]
+    versions: list[Fmi] = ["2", "3"] if fmi == "both" else [fmi]
     left_out: list[BackEndError] = []
     for built in _map_on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
         for path in built:
@@ -184,16 +186,13 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
 
 
 def _build_one(
-    folder: Path, sizes: dict[str, object], versions: list[Any], how: dict[str, Any], name: tuple[str, str]
+    folder: Path, sizes: dict[str, object], versions: list[Fmi], how: dict[str, Any], name: tuple[str, str]
 ) -> list[Path | BackEndError]:
     """Build the FMUs of a component; return their paths, or the reason why a back end cannot."""
-    from liaisons.fmu import build
-
     target, class_name = name
     (component,) = (component for component in find(target) if component.__name__ == class_name)
-    sized = model(component, **sizes)
     try:
-        return [build(sized, folder, fmi=fmi, **how) for fmi in versions]
+        return [*build_versions(component, folder, versions, sizes, **how)]
     except BackEndError as error:
         return [error]
 
@@ -223,8 +222,7 @@ def _prepare_worker(parent: int) -> None:
 
 def _component_row(component: type[Component]) -> dict[str, str]:
     """Row of a component in the table of ``liaisons list``."""
-    from liaisons.language import Coordinate, MechanicalComponent, Mechanism
-    from liaisons.language.checks import declarations_of
+    from liaisons.language import Coordinate, MechanicalComponent, Mechanism, declarations_of
 
     moving = component if issubclass(component, MechanicalComponent) else None
     whole = "" if issubclass(component, Mechanism) else "n"  # a chain has one a link

@@ -53,15 +53,16 @@ def equations(
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
     (target,) = add_robot_options([target], prescribe, limits=limits, balance_inertia=balance_inertia)
-    from liaisons import interface, ssp
+    from liaisons import System
+    from liaisons import equations as displayed
+    from liaisons import modelica as modelica_text
     from liaisons.cli._subject import declared_system
-    from liaisons.library import modelica_files
 
-    system = ssp.read(target, interface.System) if target.lower().endswith(".ssp") else declared_system(target)
+    system = System.from_ssp(target) if target.lower().endswith(".ssp") else declared_system(target)
     if modelica:
-        print(modelica_files.modelica(system or target))
+        print(modelica_text(system or target))
         return 0
-    shown = interface.equations(system or target)
+    shown = displayed(system or target)
     shown = shown.fix(*fix.split(",")) if fix else shown
     shown = shown if part is None else shown[part]
     if html:

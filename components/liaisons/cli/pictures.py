@@ -69,21 +69,18 @@ def animate(
     ] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
-    from liaisons.cli._subject import subject_simulation
-    from liaisons.cosim.running.run import run_to_end
-    from liaisons.cosim.structure.scenes import of_file
+    from liaisons import read_result
+    from liaisons.cli._subject import requested_simulation
 
     (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        _system, asked = subject_simulation(
-            fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size
-        )
-        result = run_to_end(asked)
+        asked = requested_simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
+        result = asked.run()
     elif recorded_fmu is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
     else:
-        result = of_file(path, recorded_fmu, dict(starts))
+        result = read_result(path, recorded_fmu, dict(starts))
     ratio = result.animate(output, speed=speed, turns=turns)
     print(f"motion: {output}{f', {ratio:g} times as fast as it is' if ratio != 1 else ''}")
     return 0
@@ -116,10 +113,9 @@ def show(
 
     With --input, or without the compiler for WebAssembly, a page with the recorded motion.
     """
-    from liaisons import interface
+    from liaisons import show
     from liaisons.base.compiler import INSTALLATION, zig_compiler
-    from liaisons.cli._subject import resolved_subject, subject_simulation
-    from liaisons.cosim.running.run import run_to_end
+    from liaisons.cli._subject import requested_simulation, resolved_subject
     from liaisons.live import default_page_path
 
     fmu, *others = add_robot_options(fmus, prescribe, limits=limits, balance_inertia=balance_inertia)
@@ -128,11 +124,10 @@ def show(
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
     shown, rest = resolved_subject(fmu, starts)
     if others or (live and not inputs):
-        page = interface.show(shown, *others, path=output, start_values=rest).path
+        page = show(shown, *others, path=output, start_values=rest).path
     else:
         page = output or default_page_path(shown)
-        _system, asked = subject_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
-        run_to_end(asked).animate(page)
+        requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join).run().animate(page)
         cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
         remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")

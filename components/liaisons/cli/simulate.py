@@ -38,7 +38,10 @@ from liaisons.cli._command import (
 from liaisons.errors import SimulationError
 
 if TYPE_CHECKING:
-    from liaisons.results import Result
+    from liaisons import Result
+
+_MISMATCH = "_mismatch"
+"""Ending of the names of variables that measure how far value, rate and acceleration contradict each other."""
 
 
 class _Command(TyperCommand):
@@ -96,21 +99,18 @@ def simulate(
     ] = 0.0,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
-    from liaisons.cli._subject import subject_simulation
-    from liaisons.cosim.running.run import run_to_end
-    from liaisons.cosim.structure.components import time_limit
+    from liaisons.cli._subject import requested_simulation
     from liaisons.results import IncompleteError, Interrupted
 
     (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
     names = record.split(",") if record else None
-    limit = time_limit("--isolated =", isolated)
-    system, asked = subject_simulation(
-        fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=limit, size=size
+    asked = requested_simulation(
+        fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=isolated, size=size
     )
     if diagram:
-        system.diagram(diagram)
+        asked.system.diagram(diagram)
         print(f"diagram: {diagram}")
-    figure = None if plot is None else Path(plot or f"{asked.title}.png")
+    figure = None if plot is None else Path(plot or f"{asked.system.name}.png")
     _check_writable(csv, parquet, figure)
 
     def print_and_write(result: Result, extent: str = "") -> None:
@@ -129,7 +129,7 @@ def simulate(
                 print(f"{title}: {file}{extent}")
 
     try:
-        result = run_to_end(asked, progress=len(asked.times) > 1e4, verify=verify)
+        result = asked.run(progress=asked.steps > 1e4, verify=verify)
     except (IncompleteError, Interrupted) as error:
         print_and_write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
@@ -139,15 +139,13 @@ def simulate(
 
 def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
     """Result without mismatches that were not requested, and a line of text for each of these that is not 0."""
-    from liaisons.cli._subject import MISMATCH
-
     rows, lines = [], []
     for row, name in enumerate(result.names):
         base = array_and_index(name)[0]
-        if name in requested or not base.endswith(MISMATCH):
+        if name in requested or not base.endswith(_MISMATCH):
             rows.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:
-            value, rate, acceleration, *_ = port_names(base.removesuffix(MISMATCH))
+            value, rate, acceleration, *_ = port_names(base.removesuffix(_MISMATCH))
             largest, first = abs(result.values[row]).max(), result.time[late[0]]
             lines.append(
                 f"{value}, {rate} and {acceleration} contradict each other: {name} is up to {largest:.6g} "

@@ -30,8 +30,8 @@ from liaisons.cli._command import (
 )
 
 if TYPE_CHECKING:
+    from liaisons import Result, System
     from liaisons.base.arrays import Floats
-    from liaisons.results import Result
 
 _MOST = 10_000_000  # values of one name
 _SHOWN = 20  # rows on the screen; the file has all
@@ -161,13 +161,15 @@ def sweep(
     A case that the model refuses is a result.  What the machine did not finish (no memory, a full disk, a process that
     was killed, the time limit) is tried again when the same command is started with the same journal.
     """
-    from liaisons.sweeps import sweep
+    from liaisons import sweep
 
     passing = None if csv is None or journal is not None else _default_journal(csv)
     journal = journal or passing
     _check_writable(csv, plot, journal)
     with _report_interrupt(journal):
+        subject, arguments = _subject_arguments(word, dict(starts), start, stop, step)
         result = sweep(
+            subject,
             cases=_requested_cases(over, random, samples, seed),
             keep=",".join(keep).split(","),
             tolerance=tolerance,
@@ -177,7 +179,7 @@ def sweep(
             workers=workers,
             client=dask,
             progress=True,
-            **_subject_arguments(word, dict(starts), start, stop, step),
+            **arguments,
         )
     print_table(result.summary(_SHOWN))
     count = len(result.index["case"])
@@ -234,21 +236,21 @@ def _report_interrupt(journal: Path | None) -> Iterator[None]:
 
 def _subject_arguments(
     word: str, starts: dict[str, Any], start: float | None, stop: float | None, step: float | None
-) -> dict[str, Any]:
-    """Arguments of ``sweep()`` for the subject, its times and its start values."""
+) -> tuple[Path | System, dict[str, Any]]:
+    """Subject of a sweep, and arguments of ``sweep()`` for its times and its start values."""
+    from liaisons import System
     from liaisons.cli._subject import resolved_subject
-    from liaisons.cosim import System
 
     system, rest = resolved_subject(word, starts.items())
     span = {"start_time": start, "stop_time": stop, "step_size": step}
     if isinstance(system, System):  # an archive says from when to when
         span |= {name: getattr(system.experiment, name) for name, value in span.items() if value is None}
-    return {"subject": system, **span, "start_values": rest}
+    return system, {**span, "start_values": rest}
 
 
 def _requested_cases(over: list[Any], random: list[Any], samples: int | None, seed: int | None) -> dict[str, Floats]:
     """Cases of the grid or of the random samples that the options describe."""
-    from liaisons.sweeps import grid, sample
+    from liaisons import grid, sample
 
     if over and random:
         raise ProjectError("--over makes a grid and --random random cases; use one of them")

@@ -23,7 +23,7 @@ from liaisons.base.arguments import (
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
-from liaisons.cosim.structure.components import Components, Port, SystemComponent
+from liaisons.cosim.structure.components import Components, Port, SystemComponent, time_limit
 from liaisons.cosim.structure.connections import Connection, scalar_connections
 from liaisons.cosim.structure.diagram import Diagram, block_diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
@@ -186,6 +186,16 @@ class System:
         """
         other = copy(self)
         vars(other)["_parts"] = with_start_values(self.name, self._parts, start_values)
+        return other
+
+    def isolated_copy(self, isolated: bool | float = True) -> Self:
+        """Copy of the system whose FMUs run in processes of their own, as :meth:`add` says.
+
+        :raises SimulationError: if that is no time.
+        """
+        limit, other = time_limit(f"{self.name}: isolated =", isolated), copy(self)
+        parts = {name: part.isolated_copy(limit) if limit else part for name, part in self._parts.items()}
+        other._parts = parts  # noqa: SLF001 - a system, too
         return other
 
     @with_settings(SimulationSettings)

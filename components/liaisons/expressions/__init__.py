@@ -25,6 +25,7 @@ from liaisons.expressions.identities import nonzero_states
 from liaisons.expressions.operations import OPERATIONS, Instruction, is_smooth_function
 from liaisons.expressions.printing import c_parts, literal
 from liaisons.expressions.programs import Program, program
+from liaisons.expressions.time_functions import pulse_instants, time_function
 
 __all__ = [
     "OPERATIONS",
@@ -35,4 +36,6 @@ __all__ = [
     "literal",
     "nonzero_states",
     "program",
+    "pulse_instants",
+    "time_function",
 ]

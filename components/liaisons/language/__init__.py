@@ -5,6 +5,7 @@
 
 from typing import Any
 
+from liaisons.language.checks import declarations_of
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component
 from liaisons.language.declarations import (
@@ -122,6 +123,7 @@ __all__ = [
     "circle",
     "closed_form",
     "constraint",
+    "declarations_of",
     "dry_friction",
     "ground",
     "non_holonomic",

@@ -6,15 +6,15 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
 from liaisons.base.archive import file_identity
 from liaisons.base.arguments import check_integer, shown, with_settings
-from liaisons.base.compiler import Backend, BuildSettings
+from liaisons.base.compiler import Backend, BuildSettings, Fmi
 from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published_component, published_components, publishers
@@ -259,7 +259,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
 
     class_ = component(target)
     sized = model(class_, **sizes) if sizes else None
-    folder = sized_folder(fmus_directory(), sizes)
+    folder = _sized_folder(fmus_directory(), sizes)
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or not path.is_file() or seen != file_identity(path):
@@ -269,20 +269,35 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     return path
 
 
-def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
+def build_versions(
+    component: type[Component], folder: Path, versions: Iterable[Fmi], sizes: Mapping[str, object], **how: Any
+) -> list[Path]:
+    """Return the paths of the FMUs of a component, built in some versions of FMI; :func:`reserve_fmu` comes before.
+
+    :param folder: that of the sizes is in it.
+    :param how: ``backend``, ``platforms`` and ``arrays`` of :func:`build`.
+    """
+    from liaisons.fmu import build
+
+    sized = model(component, **sizes)
+    return [build(sized, _sized_folder(folder, sizes), fmi=fmi, **how) for fmi in versions]
+
+
+def _sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
     """Return the subfolder for FMUs with these structural sizes, ``n=100``; the folder itself without any."""
     return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
-def reserve_fmu(component: type[Component], folder: Path | str) -> None:
+def reserve_fmu(component: type[Component], folder: Path | str, **sizes: object) -> None:
     """Reserve the name of an FMU in a folder for a component; raise if it is that of another one.
 
     In ``fmus/`` an FMU of the catalogue is not replaced; in any folder, a process builds one component of a name.  One
     that was edited, or defined once more in a notebook, is still the same.
 
+    :param sizes: structural sizes, whose folder is in this one.
     :raises ProjectError: if it is reserved for another component.
     """
-    name, folder = component.__name__, Path(folder).resolve()
+    name, folder = component.__name__, _sized_folder(Path(folder), sizes).resolve()
     file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
     origin = f"{file or component.__module__}:{component.__qualname__}"
     if _catalogue_component(name) not in {None, component}:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from liaisons.base.unit_definitions import SAME, UnitDefinition
+from liaisons.base.xml_documents import read_tree
 from liaisons.cosim.description.fmu import Fmu, read_description
 from liaisons.cosim.description.variables import Array
 from liaisons.errors import SimulationError
@@ -18,6 +20,17 @@ Number = float | int | bool | str
 
 Quantity = tuple[tuple[Number, ...], UnitDefinition | str | None]
 """Values of a parameter (several: an array), and their unit; its name where the set does not define it."""
+
+
+def fmu_start_values(fmu: Fmu, file: Path) -> list[tuple[str, object]]:
+    """Names of an FMU's variables with their start values in a file of a parameter set (SSV).
+
+    :raises SimulationError: for a value that a variable cannot have.
+    :raises ValueError: for what is no XML.
+    """
+    with file.open("rb") as content:
+        quantities = parameter_quantities(read_tree(content))
+    return [(name, value_for_variable(name, fmu, name, quantity)) for name, quantity in quantities]
 
 
 def parameter_quantities(parameter_set: Element) -> list[tuple[str, Quantity]]:

@@ -26,6 +26,8 @@ LONGEST = 1000
 DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
 
+_MISMATCH = "_mismatch"
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,18 @@ class Fmu:
         ]
 
     @property
+    def mismatches(self) -> list[str]:
+        """Names of the local variables that measure how far value, rate and acceleration of inputs contradict."""
+        inputs = {name for port in self.reals("input") for name in (port, array_and_index(port)[0])}
+        names: list[str] = []
+        for name in self.reals("local"):
+            base, _ = array_and_index(name)
+            value = f"{base.removesuffix(_MISMATCH)}{name[len(base) :]}"
+            if base.endswith(_MISMATCH) and value in inputs and self.terminals.port(value):
+                names.append(name)
+        return names
+
+    @property
     def next_event_variable(self) -> Scalar | None:
         """The variable ``next_event_time``, the next instant [s] at which outputs jump; None without such a variable.
 
@@ -197,6 +211,21 @@ def read_description(path: Path) -> Description:
     """
     with Archive(path) as archive, _open_description(archive) as file:
         return parse(file, {}, keeps_attributes=True)
+
+
+def experiment_problems(path: Path) -> Iterator[str]:
+    """Yield what is wrong with the default experiment of an FMU, beyond FMI's schema.
+
+    :raises SimulationError: as :func:`read_description`.
+    """
+    experiment = read_description(path).experiment
+    names = "startTime", "stopTime", "stepSize", "tolerance"
+    values = {name: float(experiment[name]) for name in names if name in experiment}
+    start = values.pop("startTime", 0.0)
+    for name, value in values.items():
+        least = start if name == "stopTime" else 0.0
+        if not least < value < math.inf:
+            yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
 
 
 @contextmanager

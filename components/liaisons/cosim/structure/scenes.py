@@ -65,13 +65,14 @@ class FmuScene:
         return values
 
 
-def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
-    """Result of one FMU, read from a CSV file, with the picture of the FMU.
+def read_result(path: Path | str, fmu: Path | str, start_values: Mapping[str, object] | None = None) -> Result:
+    """Result of one FMU, read from a CSV file, with the picture of the FMU, so that it can be animated.
 
-    :param starts: parameters of the simulation that differ from those of the FMU.
+    :param start_values: parameters of the simulation that differ from those of the FMU.
     :raises SimulationError: if a file cannot be read.
     """
-    return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.read(fmu.stem, fmu, starts)}))
+    result = Result.from_csv(path)
+    return replace(result, scene=FmuScene({"": SystemComponent.read(Path(fmu).stem, fmu, start_values or {})}))
 
 
 def connected_groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:

@@ -10,17 +10,18 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula
+from liaisons.errors import FormulaError
+from liaisons.expressions.formulas import FUNCTIONS, formula
 
 _POINTS = 501
 """Points between which maxima are searched for."""
 _MOST = 20
 """Most maxima that are looked at."""
-Expression = Callable[[float], tuple[float, float, float]]
+TimeFunction = Callable[[float], tuple[float, float, float]]
 """A function of time [s]: value, rate, acceleration."""
 
 
-def parse_expression(text: str) -> Expression:
+def time_function(text: str) -> TimeFunction:
     """Function of time that a formula describes, with its first and second derivative.
 
     :param text: a formula of ``t`` [s].
@@ -50,7 +51,7 @@ def parse_expression(text: str) -> Expression:
 def pulse_instants(text: str, start: float, stop: float) -> list[float]:
     """Instants [s] around short pulses of a formula, which are maxima of the argument of an ``exp``.
 
-    :raises FormulaError: as :func:`parse_expression` does.
+    :raises FormulaError: as :func:`time_function` does.
     """
     exponents: list[ca.SX] = []
 
