@@ -11,18 +11,8 @@ from math import pi, sqrt
 import casadi as ca
 
 from liaisons import System
-from liaisons.language import (
-    ActiveCoordinate,
-    Body,
-    Coordinate,
-    InternalState,
-    Linkage,
-    Mechanism,
-    Parameter,
-    Prismatic,
-    Revolute,
-    ground,
-)
+from liaisons.language import ActiveCoordinate, Coordinate, InternalState, Mechanism, Parameter
+from liaisons.linkages import Body, Linkage, Prismatic, Revolute, ground
 
 AREA, PUMP, TANK, LOAD = 0.0065, 7.6e6, 0.1e6, 8829.0  # of the piston [m2], pressures [Pa], force at rest [N]
 START = 0.5  # of the actuator [m]

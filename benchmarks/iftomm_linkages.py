@@ -9,7 +9,7 @@ from typing import Any
 from _measure import HERE
 
 from liaisons.base.project import load_module
-from liaisons.language import Body, BodyPoint, Linkage, Prismatic, Revolute, SpringDamper, ground
+from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, SpringDamper, ground
 
 Squeezer = load_module(HERE.parent / "scenarios" / "andrews_squeezer.py").Squeezer
 """A03."""

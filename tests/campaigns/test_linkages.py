@@ -23,19 +23,14 @@ from liaisons import System, build, ensemble, operator, simulate
 from liaisons.errors import SimulationError
 from liaisons.language import (
     ActiveCoordinate,
-    Body,
     Coordinate,
     Gravity,
-    Linkage,
     Mechanism,
     Parameter,
-    Prismatic,
-    Revolute,
-    Spherical,
     constraint,
-    ground,
     rheonomic_constraint,
 )
+from liaisons.linkages import Body, Linkage, Prismatic, Revolute, Spherical, ground
 from liaisons.models import FourBar
 
 pytestmark = pytest.mark.slow

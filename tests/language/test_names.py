@@ -13,33 +13,28 @@ from liaisons.errors import ComponentError
 from liaisons.fmu.description import model_description
 from liaisons.language import (
     ActiveCoordinate,
-    Body,
     Chain,
     Coordinate,
     DiscreteOutput,
     Input,
     InternalState,
     Joint,
-    Linkage,
     Mechanism,
     Operator,
     Orientation,
     Parameter,
-    Prismatic,
-    Revolute,
     Sampled,
     Size,
-    Universal,
     calculated,
     constraint,
     dry_friction,
-    ground,
     non_holonomic,
     output,
     point,
     rheonomic_constraint,
     unilateral,
 )
+from liaisons.linkages import Body, Linkage, Prismatic, Revolute, Universal, ground
 from liaisons.mechanics import assemble
 
 

@@ -20,8 +20,8 @@ import pytest
 
 from liaisons import Linkage, derive
 from liaisons.errors import ComponentError
-from liaisons.language.robot_files.mjcf import read_mjcf
-from liaisons.language.robot_files.urdf import read_urdf
+from liaisons.linkages.robot_files.mjcf import read_mjcf
+from liaisons.linkages.robot_files.urdf import read_urdf
 
 PAGES = Path(__file__).parents[2] / "docs" / "reference"
 OBEYED, LISTED, REFUSED = "obeyed", "listed", "refused"

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from liaisons import Body, Linkage, ground
-from liaisons.language.joints import MOMENTS, BodyJoint, unit_vector
+from liaisons.linkages.joints import MOMENTS, BodyJoint, unit_vector
 
 State = Mapping[str, float]
 """Coordinates, quaternions and their rates, by their names in an FMU."""

@@ -37,8 +37,8 @@ from liaisons import (
 )
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import Mechanism
+from liaisons.linkages.printing import of_linkage
 from liaisons.mechanics.equations import QUANTITIES
-from liaisons.mechanics.printing import of_linkage
 from liaisons.models import Arm, Sinusoid
 
 ROD = {"mass": 2.0, "inertia": (0.01, 0.2, 0.2), "centre": (0.5, 0.0, 0.0)}

@@ -152,7 +152,7 @@ def _published_component(name: str) -> type[Component]:
 
 
 def _robot_component(path: str, prescribe: str, limits: str, balance: str) -> type[Component]:
-    from liaisons.language.linkage import Linkage
+    from liaisons import Linkage
 
     read = Linkage.from_urdf if path.lower().endswith(".urdf") else Linkage.from_mjcf
     names = [name.strip() for name in prescribe.split(",") if name.strip()]

@@ -1,16 +1,16 @@
-"""Terms of Lagrange's equations: by differentiation of the Lagrangian, or of a linkage by recursion over its bodies."""
+"""Terms of Lagrange's equations: by differentiation of the Lagrangian, or by a method that a package brings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
 from liaisons.expressions.algebra import at_zero, gradient, is_quadratic
-from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia, inertia_of
 from liaisons.mechanics.legendre import convergence_margins, rates_from_momenta
-from liaisons.mechanics.recursion import Recursion
+from liaisons.mechanics.model import Equation
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,34 @@ class Dynamics:
 
 def dynamics_of(m: Mechanism, L: ca.SX) -> Dynamics:
     """Terms of the equations of a mechanism with the Lagrangian L."""
-    return _by_recursion(m) if isinstance(m, Linkage) and m.has_derived_energies else _by_differentiation(m, L)
+    method = method_of(m)
+    own = method.dynamics(m) if method else None
+    return _by_differentiation(m, L) if own is None else own
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Method:
+    """How a kind of mechanisms is derived by other means than from its Lagrangian.
+
+    :param dynamics: mechanism → terms of its equations; None: by differentiation.
+    :param printed: equations → those for the documentation; None: as of any mechanism.
+    """
+
+    dynamics: Callable[[Any], Dynamics | None]
+    printed: Callable[[Any], tuple[Equation, ...] | None]
+
+
+def derive_by(kind: type[Mechanism], method: Method) -> None:
+    """Let the subclasses of a class be derived by a method of their own."""
+    _METHOD_OF[kind] = method
+
+
+def method_of(m: Mechanism) -> Method | None:
+    """Method by which a mechanism is derived; None: its Lagrangian is differentiated."""
+    return next((method for kind in type(m).__mro__ if (method := _METHOD_OF.get(kind))), None)
+
+
+_METHOD_OF: dict[type, Method] = {}
 
 
 def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
@@ -60,33 +87,6 @@ def _velocities_and_margins(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca
     if is_quadratic(L, q_dot):
         return metric.solve(p - at_zero(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
     return rates_from_momenta(L, q_dot, p), convergence_margins(L, q_dot, p, m.free.rate_sizes)
-
-
-def _by_recursion(m: Linkage) -> Dynamics:
-    recursion = Recursion(m)
-    spring, on_operators = elastic_forces(m)
-    A = recursion.mass_matrix
-
-    def forward(on_free: ca.SX, on_active: ca.SX) -> tuple[ca.SX, ca.SX]:
-        adapted = on_active.shape[0]
-        accelerations, forces = recursion.accelerations(on_free + spring)
-        return accelerations, forces[:adapted, 0] - on_operators[:adapted, 0] - on_active
-
-    return Dynamics(
-        momenta=recursion.generalised_momenta,
-        inertia=Inertia(A, A),
-        velocities=recursion.rates(m.free.frame.T @ m.free.p),
-        convergence=ca.SX(0, 1),
-        lagrangian_gradient=recursion.lagrangian_gradient + spring,
-        bias=spring - recursion.bias_forces,
-        forward=forward,
-    )
-
-
-def elastic_forces(m: Linkage) -> tuple[ca.SX, ca.SX]:
-    """Generalised forces of the springs on the free velocities (f,) and the active coordinates (a,)."""
-    elastic = ca.cse(ca.SX(m.elastic_energy()))
-    return -m.free.kinematics.T @ gradient(elastic, m.free.q), -gradient(elastic, m.active.s)
 
 
 def _gyroscopic_forces(m: Mechanism, p: ca.SX) -> ca.SX:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import accumulate
-from typing import Any, TypeGuard
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,16 +11,16 @@ import numpy as np
 from liaisons.base.array_names import suffixed_name
 from liaisons.expressions.algebra import closure, stack
 from liaisons.language.layout import Layout
-from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import KEPT, ROUNDS
+from liaisons.mechanics.dynamics import method_of
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, Reach, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.mechanics.printing import of_linkage, of_mechanism
+from liaisons.mechanics.printing import of_mechanism
 from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
@@ -32,9 +32,6 @@ _NEARBY = 0.01
 """Distance of these states from the start, in nominal values."""
 _RANK = 1e-6
 """Singular values below this are 0, where rows of the constraints' matrix are of order 1."""
-
-_PRINTED = 200
-"""Operations of the Lagrangian of a linkage from which on its equations are written frame by frame."""
 
 
 @cache
@@ -96,6 +93,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     margin = _least(ca.vertsplit(independence), redundant)
     if redundant:
         functions["reach"] = _loosened(functions["reach"], len(reaches))
+    method = method_of(m)
+    own = method.printed(equations) if method else None
     return Model(
         **declared_fields(m),
         **functions,
@@ -104,7 +103,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         margin=None if margin.is_constant() else ca.Function("margin", point, [margin]),
         reaches=reaches,
         configuration=tuple(m.motion_names("quaternion")),
-        equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
+        equations=of_mechanism(equations) if own is None else own,
         picture=shown.document,
         drawn=shown.variables,
     )
@@ -153,11 +152,6 @@ def _count_redundant(
     return count - max(ranks, default=count)
 
 
-def _is_printed_by_frames(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:
-    """Whether a linkage is too large for its equations to be printed without its frames."""
-    return isinstance(m, Linkage) and m.has_derived_energies and ca.n_nodes(equations.lagrangian) > _PRINTED
-
-
 def _output_expressions(
     equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]
 ) -> dict[str, ca.SX]:
@@ -187,7 +181,7 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
     for orientation, i in zip(m.orientations, range(count, p.shape[0], 3), strict=True):
         rows.append(start(m.free.p[i : i + 3, 0]) if orientation.start == "momentum" else p[i : i + 3, 0])
     # The energy at the same rates takes no inversion of the momenta, unless constraints change the rates.
-    short = isinstance(m, Linkage) and not equations.constraints.matrix.shape[0]
+    short = method_of(m) is not None and not equations.constraints.matrix.shape[0]
     both = ca.vertcat(*rows, equations.energy if short else ca.SX(0, 1))
     motion = ca.vertcat(m.free.q, m.free.q_dot)
     p_0, energy = ca.vertsplit(ca.substitute(both, motion, start(motion)), [0, p.shape[0], both.shape[0]])

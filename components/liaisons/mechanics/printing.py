@@ -14,18 +14,12 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
-from liaisons.language.linkage import Linkage
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.sampled import Sampled
 from liaisons.mechanics.constraints import differentiated_constraints
-from liaisons.mechanics.dynamics import elastic_forces
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
-from liaisons.mechanics.recursion import Recursion
 from liaisons.mechanics.unilateral import contact_numbers
-
-_SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "w": ("", "g"), "W": ("M", "G")}
-"""Angular and linear parts of spatial vectors."""
 
 _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
@@ -47,36 +41,12 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
         *row_equations("motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
         *row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
-        *_constraint_equations(equations),
-        *_contact_equations(equations),
+        *constraint_equations(equations),
+        *contact_equations(equations),
         *row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
         *row_equations("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, m.expression_of(item)) for item in m.outputs),
-    )
-
-
-def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
-    """Equations of a linkage by recursion over its frames, short ones for each frame."""
-    rows: list[Equation] = []
-
-    def share(letter: str, i: int, vector: ca.SX) -> ca.SX:
-        names = [f"{part}_{m.frames[i].name}_{axis}" for part in _SPATIAL[letter] for axis in "xyz"]
-        symbols = [ca.SX.sym(name) if vector.sparsity().has_nz(k, 0) else ca.SX(1, 1) for k, name in enumerate(names)]
-        rows.extend(Equation(f"spatial_{letter}", name, vector[k]) for k, name in enumerate(names) if symbols[k].nnz())
-        return ca.vertcat(*symbols)
-
-    recursion = Recursion(m, share)
-    momenta = [f"p_{rate}".removesuffix("_dot") for rate in ca.vertsplit(m.free.q_dot)]
-    on_free = equations.applied_forces[: m.free.q_dot.shape[0], 0]
-    unloaded = at_zero(on_free, equations.point_loads)
-    slope, applied = recursion.lagrangian_gradient, unloaded + elastic_forces(m)[0]
-    return (
-        *rows,
-        *row_equations("momenta", momenta, recursion.generalised_momenta),
-        *row_equations("motion", [f"{name}_dot" for name in momenta], slope + applied),
-        *_constraint_equations(equations),
-        *_contact_equations(equations),
     )
 
 
@@ -214,7 +184,7 @@ def _effective_mass_equations(theta: ca.SX, actives: list[str]) -> Iterator[Equa
                 yield Equation("effective_mass", f"Theta[{row},{column}]" if len(actives) > 1 else "Theta", theta[i, k])
 
 
-def _constraint_equations(equations: Equations) -> Iterator[Equation]:
+def constraint_equations(equations: Equations) -> Iterator[Equation]:
     """Yield the passive constraints, and the functions that operators prescribe, as equations."""
     m = equations.mechanism
     for item in m.passive_constraints:
@@ -223,7 +193,7 @@ def _constraint_equations(equations: Equations) -> Iterator[Equation]:
         yield Equation("constraints", item.name, m.expression_of(item))
 
 
-def _contact_equations(equations: Equations) -> Iterator[Equation]:
+def contact_equations(equations: Equations) -> Iterator[Equation]:
     """Yield gaps, impacts (rate v, restitution e, compliance G = C A⁻¹ Cᵀ) and thresholds of friction as equations."""
     m = equations.mechanism
     numbers, gaps = contact_numbers(m), [item.name for item in m.unilaterals]

@@ -2,7 +2,8 @@
 
 from math import pi
 
-from liaisons.language import Body, BodyPoint, Experiment, Linkage, Revolute, Spherical, ground
+from liaisons.language import Experiment
+from liaisons.linkages import Body, BodyPoint, Linkage, Revolute, Spherical, ground
 
 _RIGHT = pi / 2
 

@@ -2,7 +2,8 @@
 
 from math import pi
 
-from liaisons.language import Body, BodyPoint, Experiment, Linkage, Revolute, ground
+from liaisons.language import Experiment
+from liaisons.linkages import Body, BodyPoint, Linkage, Revolute, ground
 
 _QUARTER = pi / 2
 

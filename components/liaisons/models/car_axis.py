@@ -1,6 +1,7 @@
 """The car axis of the IVP Test Set."""
 
-from liaisons.language import Body, BodyPoint, Experiment, Linkage, Parameter, Prismatic, Revolute, SpringDamper, ground
+from liaisons.language import Experiment, Parameter
+from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, SpringDamper, ground
 
 
 class CarAxis(Linkage):

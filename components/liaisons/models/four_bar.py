@@ -1,6 +1,6 @@
 """The four-bar linkage."""
 
-from liaisons.language import Body, Linkage, Revolute, ground
+from liaisons.linkages import Body, Linkage, Revolute, ground
 
 
 class FourBar(Linkage):

@@ -1,6 +1,6 @@
 """The Furuta pendulum."""
 
-from liaisons.language import Body, BodyPoint, Linkage, Revolute, ground
+from liaisons.linkages import Body, BodyPoint, Linkage, Revolute, ground
 
 
 class FurutaPendulum(Linkage):

@@ -1,6 +1,7 @@
 """The gyroscope in gimbals."""
 
-from liaisons.language import Body, Experiment, Linkage, Revolute, ground
+from liaisons.language import Experiment
+from liaisons.linkages import Body, Linkage, Revolute, ground
 
 
 class Gyroscope(Linkage):

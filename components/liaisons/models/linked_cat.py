@@ -2,7 +2,8 @@
 
 from math import pi
 
-from liaisons.language import Body, Experiment, Linkage, Planar, Revolute, ground
+from liaisons.language import Experiment
+from liaisons.linkages import Body, Linkage, Planar, Revolute, ground
 
 
 class LinkedCat(Linkage):

@@ -1,6 +1,6 @@
 """The SCARA robot."""
 
-from liaisons.language import Body, BodyPoint, Linkage, Prismatic, Revolute, ground
+from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, ground
 
 
 class Scara(Linkage):

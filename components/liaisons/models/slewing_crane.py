@@ -1,6 +1,6 @@
 """The slewing crane."""
 
-from liaisons.language import Body, BodyPoint, Linkage, Prismatic, Revolute, Universal, ground
+from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, Universal, ground
 
 
 class SlewingCrane(Linkage):

@@ -24,8 +24,8 @@ from collections.abc import Callable, Iterable
 import casadi as ca
 
 from liaisons.expressions.algebra import solve_symmetric
-from liaisons.language.joints import Frame, skew
-from liaisons.language.linkage import Linkage
+from liaisons.linkages.joints import Frame, skew
+from liaisons.linkages.linkage import Linkage
 
 
 class Recursion:

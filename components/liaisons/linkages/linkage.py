@@ -14,7 +14,9 @@ from liaisons.expressions.algebra import hessian, stack
 from liaisons.language.checks import declarations_of, reject_clashes
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import Gravity, declare
-from liaisons.language.joints import (
+from liaisons.language.mechanism import Mechanism, is_positive_definite
+from liaisons.language.shapes import Ball, Rod, Shape, Shapes, Spring
+from liaisons.linkages.joints import (
     MOMENTS,
     Attachment,
     Body,
@@ -27,12 +29,10 @@ from liaisons.language.joints import (
     ground,
     skew,
 )
-from liaisons.language.loops import close_loops
-from liaisons.language.mechanism import Mechanism, is_positive_definite
-from liaisons.language.shapes import Ball, Rod, Shape, Shapes, Spring
+from liaisons.linkages.loops import close_loops
 
 if TYPE_CHECKING:
-    from liaisons.language.robot_files.robot import Robot
+    from liaisons.linkages.robot_files.robot import Robot
 
 
 class Linkage(Mechanism, abstract=True):
@@ -87,7 +87,7 @@ class Linkage(Mechanism, abstract=True):
         :param balance_inertia: whether principal moments of which one exceeds the sum of the others become their mean.
         :raises ComponentError: for a file that cannot be read, or a wrong link or joint in it.
         """
-        from liaisons.language.robot_files.urdf import read_urdf
+        from liaisons.linkages.robot_files.urdf import read_urdf
 
         return cls._of_robot(read_urdf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
 
@@ -96,7 +96,7 @@ class Linkage(Mechanism, abstract=True):
         cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
     ) -> type[Linkage]:
         """A class of an MJCF file's bodies and joints, with its gravity; arguments are those of from_urdf."""
-        from liaisons.language.robot_files.mjcf import read_mjcf
+        from liaisons.linkages.robot_files.mjcf import read_mjcf
 
         return cls._of_robot(read_mjcf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
 

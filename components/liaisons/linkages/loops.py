@@ -11,7 +11,7 @@ import numpy as np
 from liaisons.expressions.algebra import stack
 from liaisons.language.component import elements_of
 from liaisons.language.declarations import constraint, declare
-from liaisons.language.joints import BodyJoint, roll_pitch_yaw_rotation, unit_vector
+from liaisons.linkages.joints import BodyJoint, roll_pitch_yaw_rotation, unit_vector
 
 CLOSED = 1e-10
 """Residual below which a loop is closed [m, 1]."""

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
-from liaisons.language.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
-from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, identifier, roll_pitch_yaw, rotation_onto
+from liaisons.linkages.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
+from liaisons.linkages.robot_files.robot import MassProperties, Pose, Robot, identifier, roll_pitch_yaw, rotation_onto
 
 _JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
 _CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
-from liaisons.language.joints import Body, BodyJoint, Free, Planar, Prismatic, Revolute, Weld, ground
-from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, rotation_onto
+from liaisons.linkages.joints import Body, BodyJoint, Free, Planar, Prismatic, Revolute, Weld, ground
+from liaisons.linkages.robot_files.robot import MassProperties, Pose, Robot, rotation_onto
 
 _JOINTS: dict[str, type[BodyJoint]] = {
     "revolute": Revolute,
