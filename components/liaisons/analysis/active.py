@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.algebra import gradient, hessian, is_quadratic, solve_symmetric, stack
 from liaisons.analysis.numeric import final_state, value_at_zero, with_values
 from liaisons.analysis.phase_space import hamiltonian, hamiltonian_field
 from liaisons.analysis.quantity import (
@@ -37,7 +38,6 @@ from liaisons.analysis.submersions import (
     horizontal_lift,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, hessian, is_quadratic, solve_symmetric, stack
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.legendre import rates_from_momenta
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.algebra import gradient
 from liaisons.analysis.numeric import final_state, value_at_zero, with_values
 from liaisons.analysis.quantity import (
     Formula,
@@ -23,7 +24,6 @@ from liaisons.analysis.quantity import (
     require_no_contacts,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient
 from liaisons.mechanics.equations import Equations
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.algebra import solve_symmetric
 from liaisons.analysis.numeric import checked_times, with_values
 from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import (
@@ -26,7 +27,6 @@ from liaisons.analysis.quantity import (
 )
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.inertia import inertia_of
 

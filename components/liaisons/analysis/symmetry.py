@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.algebra import at_zero, gradient, stack
 from liaisons.analysis.numeric import checked_times
 from liaisons.analysis.phase_space import poisson_bracket
 from liaisons.analysis.quantity import (
@@ -29,7 +30,6 @@ from liaisons.analysis.quantity import (
 )
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import at_zero, gradient, stack
 from liaisons.language.checks import checked_scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations

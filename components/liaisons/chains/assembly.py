@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
 from liaisons.chains.contacts import link_contact_numbers
 from liaisons.chains.loops import ChainLoops
@@ -22,13 +23,21 @@ from liaisons.chains.sweeps import (
     mass_matrix_diagonal,
     momenta,
 )
-from liaisons.expressions.algebra import stack
-from liaisons.language.variables import Variable
-from liaisons.mechanics.energy_accounting import MEMORY, memory_names, with_energy_accounting
-from liaisons.mechanics.functions import SIGNATURES, model_functions
-from liaisons.mechanics.model import Contact, Model, declared_fields
-from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
-from liaisons.mechanics.unilateral import ContactModes, contacts_of
+from liaisons.language import Variable
+from liaisons.mechanics import (
+    MEMORY,
+    SIGNATURES,
+    Contact,
+    ContactModes,
+    Model,
+    contact_outputs,
+    contacts_of,
+    declared_fields,
+    mechanical_outputs,
+    memory_names,
+    model_functions,
+    with_energy_accounting,
+)
 
 
 def model_of(component: type[Chain], n: object) -> Model:

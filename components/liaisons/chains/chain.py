@@ -5,24 +5,26 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from liaisons.algebra import hessian, stack
 from liaisons.base import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import hessian, stack
-from liaisons.language.checks import Formulas, call, declarations_of
-from liaisons.language.contact_checks import check_contacts
-from liaisons.language.declarations import (
+from liaisons.language import (
     ActiveCoordinate,
     ContactFormula,
     Coordinate,
     Declaration,
+    Dimension,
+    Formulas,
     Joint,
+    MechanicalComponent,
     Parameter,
     Size,
     calculated,
+    call,
+    check_contacts,
+    declarations_of,
     point,
 )
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.variables import Dimension
 
 _OF_CHAINS = (Parameter, Coordinate, ActiveCoordinate, Size, Joint, point, calculated, ContactFormula)
 

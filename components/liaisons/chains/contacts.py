@@ -2,11 +2,11 @@
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
 from liaisons.chains.rows import Step, Sum, Vector, carry
 from liaisons.chains.sweeps import Base, ChainLink, LinkMotion
-from liaisons.expressions.algebra import stack
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, contact_thresholds
+from liaisons.mechanics import CONTACT_NUMBERS, contact_thresholds
 
 
 def link_contact_numbers(

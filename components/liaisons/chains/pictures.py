@@ -6,13 +6,11 @@ from typing import Any, final
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
 from liaisons.chains.rows import Vector, keys, substituted
-from liaisons.expressions.algebra import stack
-from liaisons.language import Rod, Rope, Shape, Spring
-from liaisons.language.checks import shapes_of
-from liaisons.language.variables import element
-from liaisons.mechanics.pictures import Drawing
+from liaisons.language import Rod, Rope, Shape, Spring, element, shapes_of
+from liaisons.mechanics import Drawing
 
 _MOST_DRAWN_LINKS = 200
 """Of a longer chain the first ones are drawn."""

@@ -2,10 +2,9 @@
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
-from liaisons.expressions.algebra import stack
-from liaisons.mechanics.model import Equation
-from liaisons.mechanics.printing import dissipation_equation, friction_equations, row_equations
+from liaisons.mechanics import Equation, dissipation_equation, friction_equations, row_equations
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:

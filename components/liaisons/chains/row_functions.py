@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 
 from liaisons.chains.rows import Carry, Each, RowProgram, Sum, Vector, key, keys, scalars
-from liaisons.expressions.operations import interpret, perform
+from liaisons.expressions import interpret, perform
 
 _BRANCHES = 10
 

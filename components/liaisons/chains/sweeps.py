@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from liaisons.algebra import gradient, solve_symmetric, stack
 from liaisons.chains.chain import Chain
 from liaisons.chains.rows import Each, Step, Sum, carry
-from liaisons.expressions.algebra import gradient, solve_symmetric, stack
-from liaisons.mechanics.friction import Dissipation
+from liaisons.mechanics import Dissipation
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from typing import Any, Literal, final
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import stack
 from liaisons.derivatives.contacts import Contacts, packaged_c_file
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.kernel import (
@@ -27,7 +28,6 @@ from liaisons.ensembles.kernel import (
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.ensembles.steps import call_c_function, compiled_library, lane_blocks, rows_of_blocks
 from liaisons.errors import SimulationError
-from liaisons.expressions.algebra import stack
 
 Purpose = Literal["run", "tangents", "adjoint"]
 

@@ -19,12 +19,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.algebra import stack
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.kernel import c_arguments, c_function
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.ensembles.steps import compiled_library
 from liaisons.errors import SimulationError
-from liaisons.expressions.algebra import stack
 
 Kind = IntEnum("Kind", "STEP SETTLED LAST RESTORED STRUCK GRAZED WEAK_GAP WEAK_RATE WEAK_IMPACT WEAK_REST", start=0)
 """Of entries: a step; modes that were chosen; the end of a segment; maps of the state, which put the drift of what is

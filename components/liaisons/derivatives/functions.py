@@ -9,11 +9,11 @@ from typing import final
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import stack
 from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.contacts import Contacts
 from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
 from liaisons.expressions import Program, program
-from liaisons.expressions.algebra import stack
 from liaisons.fmu.jumps import jump_effects
 from liaisons.mechanics.model import Model
 

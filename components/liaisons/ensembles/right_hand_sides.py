@@ -16,10 +16,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.algebra import closure, stack
 from liaisons.base.arguments import name_dictionary
 from liaisons.cosim import System
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
-from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble

@@ -21,21 +21,43 @@ array.
 
 from __future__ import annotations
 
+from liaisons.expressions.calls import called_functions, jumping_table, without_zero_directions
+from liaisons.expressions.dimensions import Declared, check_units
+from liaisons.expressions.formulas import FUNCTIONS, formula
 from liaisons.expressions.identities import nonzero_states
-from liaisons.expressions.operations import OPERATIONS, Instruction, is_smooth_function
+from liaisons.expressions.operations import (
+    OPERATIONS,
+    Instruction,
+    interpret,
+    is_smooth,
+    is_smooth_function,
+    operation_codes,
+    perform,
+)
 from liaisons.expressions.printing import c_parts, literal
 from liaisons.expressions.programs import Program, program
 from liaisons.expressions.time_functions import pulse_instants, time_function
 
 __all__ = [
+    "FUNCTIONS",
     "OPERATIONS",
+    "Declared",
     "Instruction",
     "Program",
     "c_parts",
+    "called_functions",
+    "check_units",
+    "formula",
+    "interpret",
+    "is_smooth",
     "is_smooth_function",
+    "jumping_table",
     "literal",
     "nonzero_states",
+    "operation_codes",
+    "perform",
     "program",
     "pulse_instants",
     "time_function",
+    "without_zero_directions",
 ]

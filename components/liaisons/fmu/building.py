@@ -30,7 +30,7 @@ from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import compile_component, manifest_members
-from liaisons.mechanics.model import Model, refuse_contacts
+from liaisons.mechanics import Model, refuse_contacts
 
 _DESCRIPTION = "modelDescription.xml"
 # In place of the guid, which is a hash of everything else.

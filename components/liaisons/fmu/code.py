@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.base.port_names import impulse_name, jump_name
 from liaisons.errors import BuildError
-from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, state_outputs
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
@@ -25,10 +25,7 @@ from liaisons.fmu.jumps import jump_flags
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, memory_index, scalar_count, start_rates
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
-from liaisons.mechanics.energy_accounting import BOOKED
-from liaisons.mechanics.functions import SIGNATURES
-from liaisons.mechanics.model import Model
-from liaisons.mechanics.unilateral import impulsive_operators
+from liaisons.mechanics import BOOKED, SIGNATURES, Model, impulsive_operators
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, hstack
 from liaisons.base.array_names import array_and_index
 from liaisons.fmu.layout import TIME, index_ranges, scalar_count
 from liaisons.language import Variable
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 Pattern = NDArray[np.bool_]
 

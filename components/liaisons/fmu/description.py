@@ -41,8 +41,8 @@ from liaisons.fmu.layout import (
     start_vectors,
 )
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Dimension, Variable
-from liaisons.mechanics.model import Model
+from liaisons.language import Dimension, Variable
+from liaisons.mechanics import Model
 
 Backend = Literal["native", "python"]
 Knowns = tuple[Sequence[Variable], csr_array | None]

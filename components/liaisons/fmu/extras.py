@@ -10,7 +10,7 @@ from liaisons.fmu.documentation import index_page
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import reference_members, trajectory
 from liaisons.fmu.terminals import terminals_and_icons
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 _LICENSES = """\
 The model: that of its author.

@@ -7,8 +7,7 @@ from itertools import groupby
 
 import casadi as ca
 
-from liaisons.expressions import OPERATIONS, c_parts
-from liaisons.expressions.operations import operation_codes
+from liaisons.expressions import OPERATIONS, c_parts, operation_codes
 
 DIFFERENTIATED = ("start", "outputs_function", "remember")
 """Functions of a model, by its members, of which the runtime has derivatives."""

@@ -14,7 +14,7 @@ import numpy as np
 from liaisons.fmu.documentation.figures import picture_faces
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import trajectory
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from liaisons.fmu.dependencies import coupled_state_count, state_outputs
 from liaisons.fmu.layout import index_ranges
 from liaisons.language import Variable
-from liaisons.mechanics.functions import results_of
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model, results_of
 
 _SAMPLES, _TRIES = 6, 60
 _MOST = 64

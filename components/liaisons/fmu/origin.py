@@ -16,7 +16,7 @@ from liaisons.base.published import publishing_package
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
 from liaisons.fmu.archive import read_member
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 _EPOCH = "SOURCE_DATE_EPOCH"
 _BEFORE = b' generationTool="'

@@ -27,7 +27,7 @@ from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import first_reference, memory_index, start_rates
 from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;

@@ -44,7 +44,7 @@ from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import memory_index
 from liaisons.language import Variable
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 _HOLD, _EXTRAPOLATE, _INTERPOLATE = range(3)
 _ROUNDING = 1e-14  # jumps below this part of σ are rounding errors

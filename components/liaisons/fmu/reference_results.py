@@ -26,7 +26,7 @@ from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 INTERVALS = 100
 """Intervals between rows."""

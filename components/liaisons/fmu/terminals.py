@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Terminal, TerminalMember
-from liaisons.mechanics.model import Model
+from liaisons.language import Terminal, TerminalMember
+from liaisons.mechanics import Model
 
 MOST_ELEMENTS = 100
 """Elements of an array up to which FMI 2.0, which has no arrays, gets terminals for them."""

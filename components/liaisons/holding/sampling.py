@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import expm
 
+from liaisons.algebra import closure, stack
 from liaisons.base.hermite import coefficient_matrix
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import closure, stack
 from liaisons.holding.feedback import Step, image_basis, spectral_radius
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS

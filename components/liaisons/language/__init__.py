@@ -5,12 +5,15 @@
 
 from typing import Any
 
-from liaisons.language.checks import declarations_of
+from liaisons.language.checks import Formulas, call, declarations_of, reject_clashes, shapes_of
 from liaisons.language.closed_forms import Values, closed_form
-from liaisons.language.component import Component
+from liaisons.language.component import Component, DeclarationsOf, SignalComponent, elements_of
+from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
+    ContactFormula,
     Coordinate,
+    Declaration,
     DiscreteOutput,
     DiscreteState,
     Friction,
@@ -25,6 +28,7 @@ from liaisons.language.declarations import (
     assertion,
     calculated,
     constraint,
+    declare,
     dry_friction,
     non_holonomic,
     output,
@@ -33,15 +37,17 @@ from liaisons.language.declarations import (
     unchecked,
     unilateral,
 )
+from liaisons.language.layout import Layout
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.mechanism import Mechanism
+from liaisons.language.mechanism import Mechanism, is_positive_definite
 from liaisons.language.operator import Operator
-from liaisons.language.sampled import Sampled
+from liaisons.language.sampled import LATE, Sampled, SampledStates
 from liaisons.language.shapes import (
     Ball,
     Box,
     Flash,
     Floor,
+    Named,
     Rod,
     Rope,
     Shape,
@@ -52,27 +58,46 @@ from liaisons.language.shapes import (
     circle,
     turned,
 )
-from liaisons.language.variables import Dimension, Experiment, Terminal, Variable
+from liaisons.language.variables import (
+    NEXT_EVENT_TIME,
+    ActiveInput,
+    Dimension,
+    Experiment,
+    State,
+    Terminal,
+    TerminalMember,
+    Variable,
+    element,
+)
 
 __all__ = [
+    "LATE",
+    "NEXT_EVENT_TIME",
     "ActiveCoordinate",
+    "ActiveInput",
     "Ball",
     "Box",
     "Component",
+    "ContactFormula",
     "Coordinate",
+    "Declaration",
+    "DeclarationsOf",
     "Dimension",
     "DiscreteOutput",
     "DiscreteState",
     "Experiment",
     "Flash",
     "Floor",
+    "Formulas",
     "Friction",
     "Gravity",
     "Input",
     "InternalState",
     "Joint",
+    "Layout",
     "MechanicalComponent",
     "Mechanism",
+    "Named",
     "Operator",
     "Orientation",
     "Parameter",
@@ -80,26 +105,38 @@ __all__ = [
     "Rod",
     "Rope",
     "Sampled",
+    "SampledStates",
     "Shape",
     "Shapes",
+    "SignalComponent",
     "Size",
     "Spring",
+    "State",
     "Terminal",
+    "TerminalMember",
     "Trail",
     "Values",
     "Variable",
     "Wire",
     "assertion",
     "calculated",
+    "call",
+    "check_contacts",
     "circle",
     "closed_form",
     "constraint",
     "declarations_of",
+    "declare",
     "dry_friction",
+    "element",
+    "elements_of",
+    "is_positive_definite",
     "non_holonomic",
     "output",
     "point",
+    "reject_clashes",
     "rheonomic_constraint",
+    "shapes_of",
     "turned",
     "unchecked",
     "unilateral",

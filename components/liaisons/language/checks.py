@@ -14,7 +14,7 @@ import casadi as ca
 
 from liaisons.base import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
-from liaisons.expressions.dimensions import Declared, check_units
+from liaisons.expressions import Declared, check_units
 from liaisons.language.declarations import (
     UNCHECKED,
     ContactFormula,

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Generic, TypeVar, final
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import stack
 from liaisons.language.checks import (
     declarations_of,
     reject_clashes,

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from liaisons.algebra import jacobian
 from liaisons.base import units
 from liaisons.errors import suggestion
-from liaisons.expressions.algebra import jacobian
 from liaisons.language.checks import Formulas
 from liaisons.language.declarations import Declaration, dry_friction
 from liaisons.language.mechanical import MechanicalComponent

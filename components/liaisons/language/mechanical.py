@@ -10,10 +10,10 @@ from typing import Literal
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.base import units
 from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
 from liaisons.language import layout
 from liaisons.language.checks import Formulas, call, components_of, declarations_of, require_units, shapes_of
 from liaisons.language.component import Component, DeclarationsOf, elements_of

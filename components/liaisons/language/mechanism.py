@@ -11,11 +11,11 @@ from typing import Self
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import gradient, hessian, is_quadratic, jacobian
 from liaisons.base import units
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import gradient, hessian, is_quadratic, jacobian
-from liaisons.expressions.calls import called_functions, jumping_table
+from liaisons.expressions import called_functions, jumping_table
 from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.contact_checks import check_contacts

@@ -11,10 +11,10 @@ from typing import Any, final
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.base import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
-from liaisons.expressions.operations import is_smooth
+from liaisons.expressions import is_smooth
 from liaisons.language.checks import Formulas, call
 from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray

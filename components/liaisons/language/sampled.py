@@ -7,10 +7,10 @@ from typing import final
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.units import ANY
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas
 from liaisons.language.component import DeclarationsOf, SignalComponent
 from liaisons.language.declarations import DiscreteOutput, DiscreteState, Parameter

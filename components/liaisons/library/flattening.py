@@ -66,7 +66,7 @@ def flatten(
 
 def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
     """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
-    from liaisons.mechanics.composition import compose
+    from liaisons.mechanics import compose
 
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")

@@ -21,7 +21,7 @@ from liaisons.linkages.joints import (
 )
 from liaisons.linkages.linkage import Linkage
 from liaisons.linkages.printing import of_large_linkage
-from liaisons.mechanics.dynamics import Method, derive_by
+from liaisons.mechanics import derive_by
 
 __all__ = [
     "Body",
@@ -40,4 +40,4 @@ __all__ = [
     "ground",
 ]
 
-derive_by(Linkage, Method(by_recursion, of_large_linkage))
+derive_by(Linkage, by_recursion, of_large_linkage)

@@ -2,11 +2,10 @@
 
 import casadi as ca
 
-from liaisons.expressions.algebra import gradient
+from liaisons.algebra import gradient
 from liaisons.linkages.linkage import Linkage
 from liaisons.linkages.recursion import Recursion
-from liaisons.mechanics.dynamics import Dynamics
-from liaisons.mechanics.inertia import Inertia
+from liaisons.mechanics import Dynamics, Inertia
 
 
 def by_recursion(m: Linkage) -> Dynamics | None:

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 import casadi as ca
 import numpy as np
 
-from liaisons.language.declarations import (
+from liaisons.language import (
     ActiveCoordinate,
     Coordinate,
     Declaration,

@@ -9,13 +9,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import hessian, stack
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import hessian, stack
-from liaisons.language.checks import declarations_of, reject_clashes
-from liaisons.language.component import DeclarationsOf
-from liaisons.language.declarations import Gravity, declare
-from liaisons.language.mechanism import Mechanism, is_positive_definite
-from liaisons.language.shapes import Ball, Rod, Shape, Shapes, Spring
+from liaisons.language import (
+    Ball,
+    DeclarationsOf,
+    Gravity,
+    Mechanism,
+    Rod,
+    Shape,
+    Shapes,
+    Spring,
+    declarations_of,
+    declare,
+    is_positive_definite,
+    reject_clashes,
+)
 from liaisons.linkages.joints import (
     MOMENTS,
     Attachment,

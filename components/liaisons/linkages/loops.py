@@ -8,9 +8,8 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from liaisons.expressions.algebra import stack
-from liaisons.language.component import elements_of
-from liaisons.language.declarations import constraint, declare
+from liaisons.algebra import stack
+from liaisons.language import constraint, declare, elements_of
 from liaisons.linkages.joints import BodyJoint, roll_pitch_yaw_rotation, unit_vector
 
 CLOSED = 1e-10

@@ -4,13 +4,11 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.expressions.algebra import at_zero
+from liaisons.algebra import at_zero
 from liaisons.linkages.dynamics import elastic_forces
 from liaisons.linkages.linkage import Linkage
 from liaisons.linkages.recursion import Recursion
-from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.model import Equation
-from liaisons.mechanics.printing import constraint_equations, contact_equations, row_equations
+from liaisons.mechanics import Equation, Equations, constraint_equations, contact_equations, row_equations
 
 _SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "w": ("", "g"), "W": ("M", "G")}
 """Angular and linear parts of spatial vectors."""

@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterable
 
 import casadi as ca
 
-from liaisons.expressions.algebra import solve_symmetric
+from liaisons.algebra import solve_symmetric
 from liaisons.linkages.joints import Frame, skew
 from liaisons.linkages.linkage import Linkage
 

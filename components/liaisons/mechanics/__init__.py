@@ -1,19 +1,70 @@
 """Derivation of equations of motion from declarations, and their layout for an FMU."""
 
-from liaisons.language.variables import ActiveInput, State
+from liaisons.language import ActiveInput, State
 from liaisons.mechanics.assembly import assemble, assemble_by
+from liaisons.mechanics.composition import compose
 from liaisons.mechanics.constraints import accelerations_by_gauss
+from liaisons.mechanics.dynamics import Dynamics, derive_by
+from liaisons.mechanics.energy_accounting import BOOKED, MEMORY, memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
-from liaisons.mechanics.model import Equation, Model
+from liaisons.mechanics.friction import Dissipation
+from liaisons.mechanics.functions import SIGNATURES, model_functions, results_of
+from liaisons.mechanics.inertia import Inertia
+from liaisons.mechanics.model import Code, Contact, Equation, Model, declared_fields, refuse_contacts
+from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
+from liaisons.mechanics.pictures import Drawing
+from liaisons.mechanics.printing import (
+    constraint_equations,
+    contact_equations,
+    dissipation_equation,
+    friction_equations,
+    row_equations,
+)
+from liaisons.mechanics.unilateral import (
+    CONTACT_NUMBERS,
+    ContactModes,
+    contact_thresholds,
+    contacts_of,
+    impulsive_operators,
+)
 
 __all__ = [
+    "BOOKED",
+    "CONTACT_NUMBERS",
+    "MEMORY",
+    "SIGNATURES",
     "ActiveInput",
+    "Code",
+    "Contact",
+    "ContactModes",
+    "Dissipation",
+    "Drawing",
+    "Dynamics",
     "Equation",
     "Equations",
+    "Inertia",
     "Model",
     "State",
     "accelerations_by_gauss",
     "assemble",
     "assemble_by",
+    "compose",
+    "constraint_equations",
+    "contact_equations",
+    "contact_outputs",
+    "contact_thresholds",
+    "contacts_of",
+    "declared_fields",
     "derive",
+    "derive_by",
+    "dissipation_equation",
+    "friction_equations",
+    "impulsive_operators",
+    "mechanical_outputs",
+    "memory_names",
+    "model_functions",
+    "refuse_contacts",
+    "results_of",
+    "row_equations",
+    "with_energy_accounting",
 ]

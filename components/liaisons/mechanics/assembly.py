@@ -5,12 +5,9 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
-from liaisons.language.component import Component
-from liaisons.language.mechanism import Mechanism
-from liaisons.language.operator import Operator
-from liaisons.language.sampled import LATE, SampledStates
+from liaisons.language import LATE, Component, Mechanism, Operator, SampledStates
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, declared_fields

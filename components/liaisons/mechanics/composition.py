@@ -14,10 +14,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import at_zero
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import at_zero
-from liaisons.language.layout import Layout
-from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
+from liaisons.language import ActiveInput, Layout, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, Reach, domain_conditions
 from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long_chain, refuse_many_contacts

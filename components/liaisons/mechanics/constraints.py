@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import at_zero, jacobian, stack
-from liaisons.language.mechanism import Mechanism
+from liaisons.algebra import at_zero, jacobian, stack
+from liaisons.language import Mechanism
 from liaisons.mechanics.inertia import NEGLIGIBLE, Inertia
 
 STABILISATION = 10.0

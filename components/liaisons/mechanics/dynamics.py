@@ -6,8 +6,8 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.expressions.algebra import at_zero, gradient, is_quadratic
-from liaisons.language.mechanism import Mechanism
+from liaisons.algebra import at_zero, gradient
+from liaisons.language import Mechanism
 from liaisons.mechanics.inertia import Inertia, inertia_of
 from liaisons.mechanics.legendre import convergence_margins, rates_from_momenta
 from liaisons.mechanics.model import Equation
@@ -48,9 +48,13 @@ class Method:
     printed: Callable[[Any], tuple[Equation, ...] | None]
 
 
-def derive_by(kind: type[Mechanism], method: Method) -> None:
-    """Let the subclasses of a class be derived by a method of their own."""
-    _METHOD_OF[kind] = method
+def derive_by(
+    kind: type[Mechanism],
+    dynamics: Callable[[Any], Dynamics | None],
+    printed: Callable[[Any], tuple[Equation, ...] | None],
+) -> None:
+    """Let the subclasses of a class be derived by other means than from their Lagrangian, see :class:`Method`."""
+    _METHOD_OF[kind] = Method(dynamics, printed)
 
 
 def method_of(m: Mechanism) -> Method | None:
@@ -84,7 +88,7 @@ def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
 def _velocities_and_margins(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
     """Velocities ẋ of the momenta, p = A ẋ + b where L is quadratic, else by Newton's method with its margins > 0."""
     p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
-    if is_quadratic(L, q_dot):
+    if not ca.depends_on(metric.matrix, q_dot):
         return metric.solve(p - at_zero(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
     return rates_from_momenta(L, q_dot, p), convergence_margins(L, q_dot, p, m.free.rate_sizes)
 

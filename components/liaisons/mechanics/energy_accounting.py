@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.language.layout import Layout
+from liaisons.language import Layout
 
 MEMORY = ("energy_start", "energy_booked")
 """Memory of every model; the mismatch of each prescribed coordinate, which an FMU finds, follows."""

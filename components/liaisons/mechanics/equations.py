@@ -27,10 +27,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import gradient, jacobian, stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, jacobian, stack
-from liaisons.language.mechanism import Mechanism
+from liaisons.language import Mechanism
 from liaisons.mechanics.constraints import (
     STABILISATION,
     Constraints,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions.algebra import gradient
+from liaisons.algebra import gradient
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,12 @@ whose elimination from the leaves inward is the articulated-body method (Feather
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 
-from liaisons.expressions.algebra import Factors, elimination_order, factorise, hessian, stack
-from liaisons.language.mechanism import Mechanism
+from liaisons.algebra import Factors, hessian, stack
+from liaisons.language import Mechanism
 
 MANY = 8
 """Degrees of freedom from which on a sparse system is tried."""
@@ -34,7 +35,7 @@ class Inertia:
 
     matrix: ca.SX
     system: ca.SX  # A itself, or an equivalent sparse system; (f + more, f + more)
-    after: Mapping[int, set[int]] | None = None  # see elimination_order; None: dense
+    after: Mapping[int, set[int]] | None = None  # see _elimination_order; None: dense
 
     def solve(self, right: ca.SX) -> ca.SX:
         """Solution A⁻¹ right, for a column or a matrix of f rows."""
@@ -83,19 +84,19 @@ class Inertia:
         """Factors of C A⁻¹ Cᵀ + S, or of the sparse system with C; the pivot of each constraint in D."""
         count, free, size = C.shape[0], C.shape[1], self.system.shape[0]
         if self.after is None:
-            return factorise(C @ self.solve(C.T) + ca.diag(slack)), list(range(count))
+            return Factors.of(C @ self.solve(C.T) + ca.diag(slack)), list(range(count))
         wide = ca.horzcat(C, ca.SX(count, size - free))
         system = ca.vertcat(ca.horzcat(self.system, wide.T), ca.horzcat(wide, -ca.diag(slack)))
         # The pivot of a multiplier comes from the coordinates that its constraint holds.
         held = {size + j: {i for i in range(free) if C.sparsity().has_nz(j, i)} for j in range(count)}
-        order, _ = elimination_order(system.sparsity(), {**self.after, **held})
-        return factorise(system, order), [order.index(size + j) for j in range(count)]
+        order, _ = _elimination_order(system.sparsity(), {**self.after, **held})
+        return Factors.of(system, order), [order.index(size + j) for j in range(count)]
 
     @cached_property
     def _factored_system(self) -> Factors:
         """Factors of the system, in the cheapest order of pivots."""
-        order = None if self.after is None else elimination_order(self.system.sparsity(), self.after)[0]
-        return factorise(self.system, order)
+        order = None if self.after is None else _elimination_order(self.system.sparsity(), self.after)[0]
+        return Factors.of(self.system, order)
 
     def _padded_with_zeros(self, right: ca.SX) -> ca.SX:
         """Right sides of A with zeros for the further unknowns of the system."""
@@ -109,7 +110,7 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
         return Inertia(A, A)
     systems: list[_System] = [(A, {}), *_lifted_systems(m)]
     # Products of the elimination, and a few for each entry.
-    return Inertia(A, *min(systems, key=lambda x: elimination_order(x[0].sparsity(), x[1])[1] + 4 * x[0].nnz()))
+    return Inertia(A, *min(systems, key=lambda x: _elimination_order(x[0].sparsity(), x[1])[1] + 4 * x[0].nnz()))
 
 
 def _lifted_systems(m: Mechanism) -> Iterator[_System]:
@@ -144,3 +145,26 @@ def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> _System:
     # In terms of q alone, as everything else is.
     values = stack(value for name in twin.placeholders.names for value in getattr(m, name).values())
     return ca.substitute(system, twin.placeholders.w, values), after
+
+
+def _elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
+    """Return the order of elimination by minimum degree, which has little fill-in, and its cost.
+
+    :param pattern: of a symmetric matrix.
+    :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.
+    :returns: unknowns in this order, and the number of products that it takes.
+    """
+    neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
+    left, order, work = set(range(len(neighbours))), [], 0
+    waits = [0] * len(neighbours)  # for so many pivots, one after the other
+    while left:
+        ready = (i for i in left if not after.get(i, set()) & left)
+        chosen = min(ready, key=lambda i: (len(neighbours[i]), waits[i], i))
+        for i in neighbours[chosen]:
+            neighbours[i] |= neighbours[chosen]
+            neighbours[i] -= {i, chosen}
+            waits[i] = max(waits[i], waits[chosen] + 1)
+        left.remove(chosen)
+        order.append(chosen)
+        work += len(neighbours[chosen]) ** 2
+    return order, work

@@ -6,7 +6,7 @@ Solved is ∂L/∂v = p (M eq. 10) with the Hessian A = ∂²L/∂v∂v, from v 
 
 import casadi as ca
 
-from liaisons.expressions.algebra import gradient, solve_symmetric
+from liaisons.algebra import gradient, solve_symmetric
 
 CHOSEN = 8
 """Newton steps whose length is chosen.

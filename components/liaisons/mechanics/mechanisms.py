@@ -8,10 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import closure, stack
 from liaisons.base.array_names import suffixed_name
-from liaisons.expressions.algebra import closure, stack
-from liaisons.language.layout import Layout
-from liaisons.language.mechanism import Mechanism
+from liaisons.language import Layout, Mechanism
 from liaisons.mechanics.constraints import KEPT, ROUNDS
 from liaisons.mechanics.dynamics import method_of
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting

@@ -24,15 +24,7 @@ import numpy as np
 
 from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError, LiaisonsError
-from liaisons.language.component import Component
-from liaisons.language.declarations import Coordinate
-from liaisons.language.layout import Layout
-from liaisons.language.variables import (
-    NEXT_EVENT_TIME,
-    Experiment,
-    Terminal,
-    Variable,
-)
+from liaisons.language import NEXT_EVENT_TIME, Component, Coordinate, Experiment, Layout, Terminal, Variable
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from liaisons.base.array_names import suffixed_name
-from liaisons.language.layout import Layout
-from liaisons.language.mechanical import MechanicalComponent
+from liaisons.language import Layout, MechanicalComponent
 
 
 def mechanical_outputs(

@@ -8,10 +8,7 @@ import casadi as ca
 
 from liaisons.base import units
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.checks import shapes_of
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.shapes import Flash, Named, Shape
-from liaisons.language.variables import Variable, element
+from liaisons.language import Flash, MechanicalComponent, Named, Shape, Variable, element, shapes_of
 
 _NEWER = {"rope", "floor", "flash"}  # than version 1.0 of resources/picture.json
 

@@ -9,13 +9,10 @@ from collections.abc import Iterable, Iterator
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import at_zero, gradient, solve_symmetric, stack
-from liaisons.language.component import SignalComponent
-from liaisons.language.declarations import ParameterArray
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.sampled import Sampled
+from liaisons.language import MechanicalComponent, ParameterArray, Sampled, SignalComponent
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation

@@ -27,14 +27,10 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import at_zero, jacobian, stack
 from liaisons.base.array_names import array_and_index
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import at_zero, jacobian, stack, term_sizes
-from liaisons.language.declarations import Orientation, dry_friction
-from liaisons.language.layout import Layout
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import element
+from liaisons.language import Layout, MechanicalComponent, Mechanism, Orientation, dry_friction, element
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.functions import model_functions
@@ -113,19 +109,24 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     accelerations = m.dot(rates)
     along, across = jacobian(rates, free.q_dot), jacobian(rates, active.s_dot)
     rest = accelerations - along @ free.q_ddot - across @ active.s_ddot
-    forced = term_sizes(along, free.q_ddot) + term_sizes(across, active.s_ddot) + ca.fabs(rest)
+    forced = _term_sizes(along, free.q_ddot) + _term_sizes(across, active.s_ddot) + ca.fabs(rest)
     nominal = ca.fabs(along) @ free.rate_sizes
     moved = free.sizes + ca.fabs(free.q)
-    prescribed = term_sizes(ca.jacobian(gaps, active.s), active.s)
+    prescribed = _term_sizes(ca.jacobian(gaps, active.s), active.s)
     return {
         "v": rates,
         "a": accelerations,
-        "rate_scale": term_sizes(along, free.q_dot) + nominal + term_sizes(across, active.s_dot),
+        "rate_scale": _term_sizes(along, free.q_dot) + nominal + _term_sizes(across, active.s_dot),
         "acceleration_scale": forced + 1e-3 * nominal,
         "gap": gaps,
         "scale": ca.fabs(ca.jacobian(gaps, free.q)) @ moved + prescribed,
         **contact_thresholds(m),
     }
+
+
+def _term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
+    """Return the sums of the absolute values of the terms of matrix @ column."""
+    return ca.fabs(matrix) @ ca.fabs(column)
 
 
 def contact_thresholds(m: MechanicalComponent) -> dict[str, ca.SX]:

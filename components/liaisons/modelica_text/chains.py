@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import casadi as ca
 
+from liaisons.algebra import gradient
 from liaisons.base import units
 from liaisons.chains import Chain, link_of
-from liaisons.expressions.algebra import gradient
 from liaisons.formulas import Notation
 from liaisons.language import Variable
 from liaisons.mechanics import assemble

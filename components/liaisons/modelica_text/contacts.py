@@ -9,9 +9,9 @@ from itertools import combinations
 
 import casadi as ca
 
+from liaisons.algebra import solve_symmetric
 from liaisons.base import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.unilateral import contact_numbers, contacts_of

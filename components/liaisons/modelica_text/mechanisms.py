@@ -6,9 +6,9 @@ from functools import partial
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.base import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import stack
 from liaisons.formulas import Notation
 from liaisons.formulas.writing import LONGEST
 from liaisons.language import Mechanism

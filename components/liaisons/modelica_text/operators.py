@@ -5,7 +5,7 @@ from functools import partial
 
 import casadi as ca
 
-from liaisons.expressions.algebra import stack
+from liaisons.algebra import stack
 from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable

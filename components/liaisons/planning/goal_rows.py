@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.errors import LiaisonsError, PlanError
-from liaisons.expressions.formulas import FormulaError, formula
+from liaisons.errors import FormulaError, LiaisonsError, PlanError
+from liaisons.expressions import formula
 from liaisons.planning.goals import (
     by_name,
     is_expression,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import at_zero
 from liaisons.errors import PlanError
 from liaisons.expressions import nonzero_states
-from liaisons.expressions.algebra import at_zero
 from liaisons.planning.goals import motion_names
 from liaisons.planning.guesses import arbitrary_motion
 from liaisons.planning.problems import Problem

@@ -25,10 +25,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import stack
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import stack
 from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact
 from liaisons.planning import problems

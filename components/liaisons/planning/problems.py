@@ -23,8 +23,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from liaisons.algebra import closure, stack
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Orientation
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, with_sizes
 from liaisons.planning.goals import Array, Goal, by_name, is_expression, motion_names, unit_quaternion

@@ -12,11 +12,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.algebra import stack
 from liaisons.base.arguments import check_finite, shown
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions import nonzero_states
-from liaisons.expressions.algebra import stack
 from liaisons.language import MechanicalComponent
 from liaisons.library import component, model
 from liaisons.mechanics import Model

@@ -20,8 +20,7 @@ from liaisons.chains.loops.writing import PREAMBLE, loops_code
 from liaisons.chains.row_derivatives import forward, reverse
 from liaisons.chains.row_functions import row_function
 from liaisons.chains.rows import RowProgram, leading_results
-from liaisons.mechanics.functions import SIGNATURES
-from liaisons.mechanics.model import Code
+from liaisons.mechanics import SIGNATURES, Code
 
 __all__ = ["PREAMBLE", "ChainLoops", "loops_code"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from liaisons.chains.rows import Carry, Each, RowProgram, Sum, key, keys, scalars, substituted
-from liaisons.expressions.operations import operation_codes
+from liaisons.expressions import operation_codes
 
 _CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 _CHEAP |= {ca.OP_ASSIGN, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}

@@ -9,11 +9,11 @@ from itertools import chain
 
 import casadi as ca
 
+from liaisons.algebra import stack
 from liaisons.chains.loops.loop_fusion import FusedLoop, LoopFusion
 from liaisons.chains.rows import Carry, RowProgram, Vector, key, scalars, substituted
 from liaisons.expressions import Instruction
 from liaisons.expressions import program as operations
-from liaisons.expressions.algebra import stack
 
 CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 """Operations that cost no more than storing a number and reading it again."""

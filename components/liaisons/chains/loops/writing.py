@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from liaisons.chains.loops.plans import LoopPlan, LoopPlans, operands
 from liaisons.chains.rows import RowProgram
 from liaisons.expressions import OPERATIONS, Instruction, literal
-from liaisons.mechanics.model import Code
+from liaisons.mechanics import Code
 
 PREAMBLE = """\
 #if defined __GNUC__ && !defined __clang__

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from liaisons.fmu.layout import start_vectors
 from liaisons.fmu.reference_results import Trajectory
 from liaisons.language import Variable
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 from liaisons.pictures import Picture
 from liaisons.pictures.frames import picture_frames
 from liaisons.pictures.stage import Face, Stage

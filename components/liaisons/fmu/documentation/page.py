@@ -20,7 +20,7 @@ from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 _JOINT = "where the link before ends, or its rate"
 _KINDS = {

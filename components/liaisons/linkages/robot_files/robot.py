@@ -20,8 +20,7 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import as_path, name_list, shown
 from liaisons.base.xml_documents import read_tree
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.declarations import Declaration, Gravity
-from liaisons.language.shapes import Ball, Box, Rod, Shape
+from liaisons.language import Ball, Box, Declaration, Gravity, Rod, Shape
 from liaisons.linkages.joints import MOMENTS, Body, BodyFrame, BodyJoint, Weld
 
 _MOST_BODIES = 1000

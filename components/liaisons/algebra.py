@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
+from typing import Self, final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.expressions.calls import without_zero_directions
+from liaisons.expressions import without_zero_directions
 
 
 def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
@@ -46,11 +46,6 @@ def hessian(expression: ca.SX, column: ca.SX) -> ca.SX:
     return without_zero_directions(ca.hessian(expression, column)[0])
 
 
-def term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
-    """Return the sums of the absolute values of the terms of matrix @ column."""
-    return ca.fabs(matrix) @ ca.fabs(column)
-
-
 def at_zero(expression: ca.SX, symbols: ca.SX) -> ca.SX:
     """Return an expression with zeros in place of a column of symbols."""
     return ca.substitute(expression, symbols, type(symbols).zeros(*symbols.shape))
@@ -61,6 +56,7 @@ def is_quadratic(expression: ca.SX, column: ca.SX) -> bool:
     return not ca.depends_on(hessian(expression, column), column)
 
 
+@final
 @dataclass(frozen=True, eq=False)
 class Factors:
     """L D Lᵀ of a symmetric matrix with its rows and columns in another order."""
@@ -69,6 +65,17 @@ class Factors:
     D: ca.SX
     LT: ca.SX
 
+    @classmethod
+    def of(cls, matrix: ca.SX, order: list[int] | None = None) -> Self:
+        """Return L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order is given.
+
+        :param matrix: symmetric, with nonzero pivots in this order, as those of a positive definite one are in any.
+        """
+        if order is None:
+            order, matrix = list(range(matrix.shape[0])), ca.densify(matrix)
+        D, LT, _ = ca.ldl(matrix[order, order], False)
+        return cls(order, D, LT)
+
     def solve(self, right: ca.SX) -> ca.SX:
         """Return matrix⁻¹ right, for a column or a matrix."""
         n = len(self.order)
@@ -76,40 +83,6 @@ class Factors:
         return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[inverse, :]
 
 
-def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:
-    """Return L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order is given.
-
-    :param matrix: symmetric, with nonzero pivots in this order, as those of a positive definite one are in any.
-    """
-    if order is None:
-        order, matrix = list(range(matrix.shape[0])), ca.densify(matrix)
-    D, LT, _ = ca.ldl(matrix[order, order], False)
-    return Factors(order, D, LT)
-
-
 def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
     """Return matrix⁻¹ right for a symmetric positive definite matrix."""
-    return right / matrix if matrix.shape == (1, 1) else factorise(matrix).solve(right)
-
-
-def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
-    """Return the order of elimination by minimum degree, which has little fill-in, and its cost.
-
-    :param pattern: of a symmetric matrix.
-    :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.
-    :returns: unknowns in this order, and the number of products that it takes.
-    """
-    neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
-    left, order, work = set(range(len(neighbours))), [], 0
-    waits = [0] * len(neighbours)  # for so many pivots, one after the other
-    while left:
-        ready = (i for i in left if not after.get(i, set()) & left)
-        chosen = min(ready, key=lambda i: (len(neighbours[i]), waits[i], i))
-        for i in neighbours[chosen]:
-            neighbours[i] |= neighbours[chosen]
-            neighbours[i] -= {i, chosen}
-            waits[i] = max(waits[i], waits[chosen] + 1)
-        left.remove(chosen)
-        order.append(chosen)
-        work += len(neighbours[chosen]) ** 2
-    return order, work
+    return right / matrix if matrix.shape == (1, 1) else Factors.of(matrix).solve(right)
