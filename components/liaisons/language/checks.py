@@ -33,7 +33,7 @@ from liaisons.language.variables import NEXT_EVENT_TIME, Variable
 
 D = TypeVar("D", bound=Declaration)
 _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
-_OURS = "liaisons.language"
+_OURS, _CATALOGUE = "liaisons.", "liaisons.models."
 _VARIABLES = (Symbol, Size, output, calculated, ContactFormula, rheonomic_constraint)
 """What declares a variable of its own name; of points, constraints, bodies and the like, names have endings."""
 _KINDS = (Parameter, Size, Joint)
@@ -188,24 +188,29 @@ def require_units(cls: type) -> None:
             item.refuse("its unit is missing; that of a pure number is '1'")
 
 
+def _is_ours(cls: type) -> bool:
+    """Whether a class is a base of components, here or in a package for a kind of them, and none of the catalogue."""
+    return cls.__module__.startswith(_OURS) and not cls.__module__.startswith(_CATALOGUE)
+
+
 def require_methods(cls: type) -> None:
     """Raise a ComponentError for a method that a component has to define and does not."""
     for name in dir(cls):
         if name[0] != "_" and getattr(inspect.getattr_static(cls, name), "__isabstractmethod__", False):
-            base = next(base for base in cls.__mro__ if base.__module__.startswith(_OURS))
+            base = next(base for base in cls.__mro__ if _is_ours(base))
             raise ComponentError(f"{cls.__name__} defines no {name}(), which every {base.__name__} has to")
 
 
 def reject_misspelt_methods(cls: type) -> None:
     """Raise a ComponentError for a method that nothing calls and whose name is nearly one that would be called."""
-    if cls.__module__.startswith(_OURS):
+    if _is_ours(cls):
         return
 
     def methods(base: type) -> set[str]:
         return {name for name, value in vars(base).items() if isinstance(value, FunctionType) and name[0] != "_"}
 
     inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
-    allowed = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
+    allowed = {name for base in cls.__mro__ if _is_ours(base) for name in methods(base)}
     for name in sorted(methods(cls) - inherited):
         near = get_close_matches(name, allowed | {"exact", "picture"}, n=1, cutoff=0.85)
         if near and near[0] not in name and name not in _names_in_methods(cls):
@@ -226,7 +231,7 @@ def _names_in_methods(cls: type) -> set[str]:
 
 def reject_reserved_names(cls: type) -> None:
     """Raise a ComponentError for a declaration with a reserved name, or with a default outside its own domain."""
-    ours = [base for base in cls.__mro__ if base.__module__.startswith(_OURS)]
+    ours = [base for base in cls.__mro__ if _is_ours(base)]
     taken = {name for base in ours for name, value in vars(base).items() if not isinstance(value, Declaration)}
     taken |= {name for base in ours for name in vars(base).get("__annotations__", ())}
     kinds = {
