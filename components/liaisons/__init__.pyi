@@ -77,7 +77,6 @@ from .library import build as build
 from .library import derive as derive
 from .library import fmu_path as fmu_path
 from .library.flattening import flatten as flatten
-from .library.modelica_files import modelica as modelica
 from .linkages import Body as Body
 from .linkages import BodyPoint as BodyPoint
 from .linkages import Cylindrical as Cylindrical
@@ -93,6 +92,7 @@ from .linkages import Universal as Universal
 from .linkages import Weld as Weld
 from .linkages import ground as ground
 from .mechanics import assemble as assemble
+from .modelica_text import modelica as modelica
 from .planning import Plan as Plan
 from .planning import plan as plan
 from .results import Result as Result

@@ -35,10 +35,11 @@ from liaisons.language import (
 )
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.library import modelica_files
 from liaisons.mechanics import assemble
-from liaisons.modelica_text import Composition, system_text
+from liaisons.modelica_text import files, modelica_library
+from liaisons.modelica_text.classes import system_text
 from liaisons.modelica_text.standard_library import TYPES
+from liaisons.modelica_text.systems import Composition
 from liaisons.models import (
     CATALOGUE,
     BallRow,
@@ -533,7 +534,7 @@ def test_a_force_on_a_flange_has_the_sign_of_the_standard_library() -> None:
 def composed() -> dict[str, System]:
     """The examples of the library."""
     systems = {}
-    for name, (parts, joined) in modelica_files._EXAMPLES.items():
+    for name, (parts, joined) in files._EXAMPLES.items():
         system = System(name)
         ports = {part: system.add(part, component, start_values=starts) for part, (component, starts) in parts.items()}
         for target, source in joined.items():
@@ -569,7 +570,7 @@ def test_the_library_has_all_that_can_be_written() -> None:
 def test_all_examples_of_the_library_move() -> None:
     text = modelica("all")
     session = rumoca.Session()
-    for name in (*(component.__name__ for component in WRITTEN), *modelica_files._EXAMPLES):
+    for name in (*(component.__name__ for component in WRITTEN), *files._EXAMPLES):
         example = session.loads(text, model=f"Liaisons.Examples.{name}", filename="Liaisons.mo")
         result = example.simulate((0.0, 0.2), dt=0.1)
         assert np.all(np.isfinite(result.to_numpy())), name
@@ -638,9 +639,9 @@ def test_text_with_the_standard_library_moves_as_without(component: type[Compone
 
 def test_examples_with_the_standard_library_move_as_without() -> None:
     chosen, times = [Pendulum, Sinusoid, SwingPump], np.linspace(0, 2, 21)
-    alone = modelica_files.modelica_library(chosen)
-    text = standard_library() + modelica_files.modelica_library(chosen, standard_library=True)
-    for name in modelica_files._EXAMPLES:
+    alone = modelica_library(chosen)
+    text = standard_library() + modelica_library(chosen, standard_library=True)
+    for name in files._EXAMPLES:
         expected, found = (simulated(whole, times, f"Liaisons.Examples.{name}") for whole in (alone, text))
         assert found.keys() == expected.keys()
         for signal, values in expected.items():

@@ -171,7 +171,7 @@ def build(
 
 def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool, standard_library: bool) -> int:
     """Write ``NAME.mo`` for each component, or the package of all; return the exit status."""
-    from liaisons.library.modelica_files import modelica, modelica_library
+    from liaisons.modelica_text import modelica, modelica_library
 
     if whole:
         texts = {"Liaisons": modelica_library(components, standard_library=standard_library)}

@@ -10,13 +10,13 @@ It is what a co-simulation of the same system is measured against::
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from liaisons.base.arguments import shown
 from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.identifiers import identifier
 from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent
@@ -132,10 +132,3 @@ def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
     starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
     return {name: float(start) for name, start in starts.items() if start is not None}
-
-
-def identifier(name: str) -> str:
-    """Return a name as an identifier: ``"pumped swing"`` becomes ``PumpedSwing``."""
-    words = re.findall(r"[A-Za-z0-9]+", name)
-    joined = "".join(word[0].upper() + word[1:] for word in words)
-    return joined if joined[:1].isalpha() else f"System{joined}"

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+from liaisons.base.identifiers import identifier
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
+from liaisons.language import Experiment, Mechanism
 from liaisons.library import Target, component, components, is_named
-from liaisons.library.flattening import identifier
+from liaisons.modelica_text.classes import component_text, library_text, system_text
+from liaisons.modelica_text.standard_library import with_standard_library
+from liaisons.modelica_text.systems import Composition
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
     from liaisons.language import Component
-    from liaisons.modelica_text import Composition
 
 _MOTOR = {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.26}
 _EXAMPLES = {
@@ -47,8 +50,6 @@ def modelica(subject: Target | System, /, *, standard_library: bool = False) -> 
     :raises ComponentError: if a component cannot be derived, or a connection cannot be said in Modelica.
     :raises SimulationError: if a part of a system is no component of the catalogue, or reads a file.
     """
-    from liaisons.modelica_text import component_text, system_text, with_standard_library
-
     if isinstance(subject, System):
         text = system_text(_composition(subject))
     else:
@@ -59,8 +60,6 @@ def modelica(subject: Target | System, /, *, standard_library: bool = False) -> 
 
 def _composition(subject: System) -> Composition:
     """Return components, start values and connections of a system, for its Modelica text."""
-    from liaisons.modelica_text import Composition
-
     parts = subject.filled()
     for part in parts.values():
         if not is_named(part.fmu.model_name) or has_table(part.fmu.path):
@@ -82,9 +81,6 @@ def modelica_library(chosen: Collection[type[Component]], *, standard_library: b
 
     Mechanisms with arrays, and components that read samples, are left out.
     """
-    from liaisons.language import Experiment, Mechanism
-    from liaisons.modelica_text import Composition, library_text, with_standard_library
-
     chosen = [c for c in chosen if not (c.is_sampled() or (issubclass(c, Mechanism) and c().layout().dimensions))]
     classes = {component.__name__: component for component in chosen}
     systems = [
