@@ -43,7 +43,7 @@ from scipy.interpolate import CubicSpline
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, Pendulum
-from liaisons.models.parallelograms import four_bars
+from liaisons_catalogue.parallelograms import four_bars
 
 ALLOWED, THRESHOLD = 1e-3, 1e-3
 TOLERANCES = [round(m * 10.0**-e, e + 1) for e in range(2, 9) for m in (1.0, 0.3)]

@@ -18,7 +18,7 @@ from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 ROOT = Path(__file__).resolve().parents[1]
-COMPONENTS = sorted((ROOT / "components/liaisons/models").glob("[!_]*.py"))
+COMPONENTS = sorted((ROOT / "components/liaisons_catalogue").glob("[!_]*.py"))
 SCENARIOS = sorted((ROOT / "scenarios").glob("[!_]*.py"))
 
 
@@ -58,7 +58,7 @@ def test_layers() -> None:
 def test_dataclasses_are_frozen() -> None:
     """But for these, to which their makers add."""
     changing = {"_Node", "_Elements", "Section", "Drawing", "_Link", "_Piece"}
-    for path in (ROOT / "components/liaisons").rglob("*.py"):
+    for path in (ROOT / "components").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef) and node.name not in changing:
                 decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
@@ -77,7 +77,7 @@ def test_one_constant_has_one_docstring() -> None:
 
 def test_one_name_is_one_thing() -> None:
     """No class is called like another one, no module like what its package exports."""
-    package, defined = ROOT / "components/liaisons", Counter[str]()
+    package, defined = ROOT / "components", Counter[str]()
     for path in package.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         defined.update(n.name for n in tree.body if isinstance(n, ast.ClassDef) and not n.name.startswith("_"))
@@ -131,7 +131,7 @@ def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:
 
 @pytest.mark.parametrize("path", COMPONENTS, ids=lambda path: path.stem)
 def test_a_component_is_one_short_file(path: Path) -> None:
-    # A screen or two; what solves its equations and is longer has its place in models/solutions.
+    # A screen or two; what solves its equations and is longer has its place in solutions/.
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 100
 
 

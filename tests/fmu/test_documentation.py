@@ -20,7 +20,7 @@ from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
-from liaisons.models.pendulum_chain import PendulumChain
+from liaisons_catalogue.pendulum_chain import PendulumChain
 
 _FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
 

@@ -30,7 +30,7 @@ from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Vari
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
-from liaisons.models.pendulum_chain import PendulumChain
+from liaisons_catalogue.pendulum_chain import PendulumChain
 
 SCHEMA = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema/fmi3/fmi3TerminalsAndIcons.xsd"))
 every_component = pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)

@@ -13,7 +13,7 @@ from liaisons.language import Coordinate, Mechanism, Parameter, point
 from liaisons.mechanics import assemble, derive
 from liaisons.mechanics import inertia as structure
 from liaisons.models import PendulumChain
-from liaisons.models.parallelograms import four_bars
+from liaisons_catalogue.parallelograms import four_bars
 
 ROUNDING = 1e-11  # systems of condition 1e3, a hundred operations each
 

@@ -38,7 +38,7 @@ from liaisons.models import (
     Satellite,
     Swing,
 )
-from liaisons.models.hoop import Hoop
+from liaisons_catalogue.hoop import Hoop
 
 Hand = dict[str, Any]  # by quantity or output
 

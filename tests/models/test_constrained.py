@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 from liaisons.check import max_error
 from liaisons.cosim import Result, simulate
 from liaisons.mechanics import accelerations_by_gauss
-from liaisons.models.cartesian_pendulum import CartesianPendulum
-from liaisons.models.pendulum import Pendulum
+from liaisons_catalogue.cartesian_pendulum import CartesianPendulum
+from liaisons_catalogue.pendulum import Pendulum
 
 EQUATIONS = equations_of(CartesianPendulum)
 CONDITION = 1e-11  # rounding of a linear system of two equations, numbers of order 100

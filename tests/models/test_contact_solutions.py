@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from liaisons.errors import ValidityError
 from liaisons.language import Values
-from liaisons.models.solutions import ball_row, bead_on_sphere, bouncing_ball, dry_oscillator, string_pendulum
+from liaisons_catalogue.solutions import ball_row, bead_on_sphere, bouncing_ball, dry_oscillator, string_pendulum
 
 
 class At(SimpleNamespace):

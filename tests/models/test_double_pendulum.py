@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from on_paper import State, Values, defaults, equations_of, mechanism, taylor
 
-from liaisons.models.double_pendulum import DoublePendulum
+from liaisons_catalogue.double_pendulum import DoublePendulum
 
 # ---- normal modes ------------------------------------------------------------------------------------------------
 

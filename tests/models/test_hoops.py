@@ -34,10 +34,10 @@ from scipy.special import ellipeinc
 from liaisons.cosim import Result
 from liaisons.language import Coordinate, Parameter
 from liaisons.models import CircularHoop, Ramp
-from liaisons.models.elliptic_hoop import EllipticHoop
-from liaisons.models.fourier_hoop import FourierHoop
-from liaisons.models.hoop import Hoop
-from liaisons.models.parametrised_hoop import ParametrisedHoop
+from liaisons_catalogue.elliptic_hoop import EllipticHoop
+from liaisons_catalogue.fourier_hoop import FourierHoop
+from liaisons_catalogue.hoop import Hoop
+from liaisons_catalogue.parametrised_hoop import ParametrisedHoop
 
 # ---- geometry: arc length, angle, length, area -------------------------------------------------------------------
 

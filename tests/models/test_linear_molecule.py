@@ -9,7 +9,7 @@ import pytest
 from hand_derivations import ATOMS, displacements, molecule_matrices
 from on_paper import Values, algebra, defaults, random_states, taylor, unloaded
 
-from liaisons.models.linear_molecule import LinearMolecule
+from liaisons_catalogue.linear_molecule import LinearMolecule
 
 # not at rest, not symmetric
 START: Values = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}

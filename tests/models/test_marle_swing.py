@@ -15,7 +15,7 @@ from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
 from liaisons.language import ActiveCoordinate
 from liaisons.models import Pendulum, Swing
-from liaisons.models.general_swing import GeneralSwing, marle_swing
+from liaisons_catalogue.general_swing import GeneralSwing, marle_swing
 
 GRAVITY, SEAT, TORSO, B = 9.81, 20.0, 15.0, 0.5
 SHAPE = {

@@ -23,10 +23,10 @@ from on_paper import (
     vector,
 )
 
-from liaisons.models.charged_particle import ChargedParticle
-from liaisons.models.free_particle import FreeParticle
-from liaisons.models.kepler_orbit import KeplerOrbit
-from liaisons.models.solutions.stumpff import stumpff
+from liaisons_catalogue.charged_particle import ChargedParticle
+from liaisons_catalogue.free_particle import FreeParticle
+from liaisons_catalogue.kepler_orbit import KeplerOrbit
+from liaisons_catalogue.solutions.stumpff import stumpff
 
 # ---- the formulas of the texts -----------------------------------------------------------------------------------
 

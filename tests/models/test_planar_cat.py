@@ -14,7 +14,7 @@ from on_paper import Values, defaults, derivative, equations_of
 from scipy.integrate import dblquad, quad
 
 from liaisons import analysis
-from liaisons.models.planar_cat import PlanarCat
+from liaisons_catalogue.planar_cat import PlanarCat
 
 
 def test_phi_is_cyclic_and_x_k_vanishes() -> None:

@@ -9,8 +9,8 @@ import pytest
 from hand_derivations import states
 from on_paper import State, Values, algebra, taylor, unloaded
 
-from liaisons.models.planar_oscillator import PlanarOscillator
-from liaisons.models.polar_oscillator import PolarOscillator
+from liaisons_catalogue.planar_oscillator import PlanarOscillator
+from liaisons_catalogue.polar_oscillator import PolarOscillator
 
 # ---- Newton's law and the formulas of the text -------------------------------------------------------------------
 

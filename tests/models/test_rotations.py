@@ -17,10 +17,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from liaisons.check import max_error
-from liaisons.models.satellite import Satellite
-from liaisons.models.solutions import rotations
-from liaisons.models.solutions.euler_top import euler_top
-from liaisons.models.spatial_cat import SpatialCat
+from liaisons_catalogue.satellite import Satellite
+from liaisons_catalogue.solutions import rotations
+from liaisons_catalogue.solutions.euler_top import euler_top
+from liaisons_catalogue.spatial_cat import SpatialCat
 
 
 def turns(n: Any) -> NDArray:

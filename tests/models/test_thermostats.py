@@ -14,9 +14,9 @@ from scipy.optimize import root_scalar
 
 from liaisons.check import max_error
 from liaisons.mechanics import accelerations_by_gauss
-from liaisons.models.isokinetic_oscillator import IsokineticOscillator
-from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
-from liaisons.models.oscillator import Oscillator
+from liaisons_catalogue.isokinetic_oscillator import IsokineticOscillator
+from liaisons_catalogue.nose_hoover_oscillator import NoseHooverOscillator
+from liaisons_catalogue.oscillator import Oscillator
 
 
 def isokinetic(y: NDArray, n: Values) -> NDArray:

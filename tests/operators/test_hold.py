@@ -24,8 +24,8 @@ from liaisons.holding.feedback import (
 from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
-from liaisons.models.regulator import KNOTS
 from liaisons.planning.phases import optimal_control_problem
+from liaisons_catalogue.regulator import KNOTS
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 
@@ -484,7 +484,7 @@ def test_a_plan_of_more_steps_than_parameters_is_held_by_a_table_in_a_file() -> 
     assert usual.trajectory.times.size <= KNOTS
     in_file = replace(usual, correction_limits={})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("liaisons.models.regulator.KNOTS", 10)
+        patch.setattr("liaisons_catalogue.regulator.KNOTS", 10)
         run = in_file.simulate(3.0, theta_0=0.2)
     expected = replace(usual, correction_limits={}).simulate(3.0, theta_0=0.2)
     np.testing.assert_array_equal(run["Pendulum.theta"], expected["Pendulum.theta"])  # a file or parameters
@@ -503,7 +503,7 @@ def test_the_next_jump_is_the_first_pair_that_differs_and_is_still_to_come() -> 
 def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The crane's acceleration does not end at 0."""
     regulator = hold(planned("crane"), step_size=0.1)
-    monkeypatch.setattr("liaisons.models.regulator.KNOTS", most)
+    monkeypatch.setattr("liaisons_catalogue.regulator.KNOTS", most)
     name = "Pendulum_pivot_x.next_event_time"
     jumps, samples = (
         system.simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)

@@ -1,29 +1,70 @@
-"""Components and scenarios that installed packages publish by entry points of the group ``liaisons.components``.
+"""Components and scenarios that packages publish by entry points of the group ``liaisons.components``.
 
-``InclineBlock = "my_mechanics.incline_block:InclineBlock"`` is the name of a component, and where it is defined.
+``InclineBlock = "my_mechanics.incline_block:InclineBlock"`` is the name of a component, and where it is defined.  The
+catalogue is published like this, too, by the package ``liaisons``.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-from importlib.metadata import Distribution, EntryPoint, distributions
+import tomllib
+from functools import cache, lru_cache
+from importlib.metadata import Distribution, EntryPoint, distribution, distributions
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
+from typing import final
 
 from liaisons.base.logs import logger
 from liaisons.errors import LiaisonsError, ProjectError
 
 GROUP = "liaisons.components"
+_NAME = "liaisons"
+_COMPONENTS = Path(__file__).resolve().parents[2]
+"""The folder in which this package lies: ``components`` in a clone."""
+
+
+@final
+class _Clone(Distribution):
+    """The clone that this package runs from, as its pyproject.toml describes it now.
+
+    What an installation noted may be older; and a clone on PYTHONPATH has none.
+    """
+
+    def read_text(self, filename: str) -> str | None:
+        """Return the text of a file as an installation has it: name, author and licence, or the entry points."""
+        project = tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        if filename == "entry_points.txt":
+            return "\n".join([f"[{GROUP}]", *(f"{n} = {v}" for n, v in project["entry-points"][GROUP].items())])
+        author, licence = project["authors"][0]["name"], project["license"]
+        about = f"Name: {project['name']}\nAuthor: {author}\nLicense-Expression: {licence}\n"
+        return about if filename == "METADATA" else None
+
+    def locate_file(self, path: str | PathLike[str]) -> Path:
+        """Return where a file is."""
+        return _COMPONENTS / path
+
+
+@cache
+def own_distribution() -> Distribution:
+    """Return this package: the clone that it runs from, or as it is installed."""
+    is_clone = _COMPONENTS.name == "components" and (_COMPONENTS.parent / "pyproject.toml").is_file()
+    return _Clone() if is_clone else distribution(_NAME)
+
+
+@cache
+def own_components() -> dict[str, EntryPoint]:
+    """Return the entry points of the catalogue by name of the component; none is imported."""
+    return {entry.name: entry for entry in own_distribution().entry_points.select(group=GROUP)}
 
 
 @lru_cache(maxsize=1)
 def published_components() -> dict[str, dict[str, EntryPoint]]:
     """Entry points by name of the package, then by name of the component; no package is imported."""
     packages: dict[str, dict[str, EntryPoint]] = {}
-    found = {str(distribution.metadata["Name"]): distribution for distribution in [*distributions()][::-1]}
-    for package, distribution in found.items():  # of several of one name the first on the path
+    found = {str(each.metadata["Name"]): each for each in [*distributions()][::-1]} | {_NAME: own_distribution()}
+    for package, each in found.items():  # of several of one name the first on the path
         try:
-            entries = distribution.entry_points.select(group=GROUP)
+            entries = each.entry_points.select(group=GROUP)
         except Exception as error:  # noqa: BLE001 - of whatever is wrong with another's file
             reason = f"{type(error).__name__}: {error}"
             logger.warning("package %s: left out: its entry_points.txt is broken: %s", package, reason)
@@ -34,8 +75,13 @@ def published_components() -> dict[str, dict[str, EntryPoint]]:
 
 
 def publishers(name: object) -> dict[str, EntryPoint]:
-    """Entry points of a component by name of the package; ``PACKAGE:InclineBlock`` names one of them."""
+    """Entry points of a component by name of the package; ``PACKAGE:InclineBlock`` names one of them.
+
+    Without a package the catalogue has precedence.
+    """
     package, _, component = str(name).rpartition(":")
+    if package in {"", _NAME} and component in own_components():
+        return {_NAME: own_components()[component]}
     return {
         p: entries[component]
         for p, entries in published_components().items()
@@ -62,8 +108,10 @@ def load_published_component(name: str) -> tuple[str, object]:
 
 
 def publishing_package(module: str) -> Distribution | None:
-    """Installed package that publishes components under the top-level name of a module; None if there is none."""
+    """Package that publishes components under the top-level name of a module; None if there is none."""
     top = module.partition(".")[0]
+    if top in {*map(_top_module, own_components().values())}:
+        return own_distribution()
     entries = (entry for package in published_components().values() for entry in package.values())
     return next((entry.dist for entry in entries if _top_module(entry) == top), None)
 

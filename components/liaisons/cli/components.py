@@ -18,7 +18,7 @@ from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, relative_to_working_directory
-from liaisons.base.published import published_components, publishers
+from liaisons.base.published import own_components, published_components, publishers
 from liaisons.cli._command import (
     BalanceInertia,
     Limits,
@@ -62,12 +62,13 @@ def list_components(
 
 
 def _show_published() -> None:
-    """Print a table of components for each package that publishes some, without those that cannot be loaded."""
-    catalogue = {component.__name__ for component in find("all")}
+    """Print a table of components for each other package that publishes some, without those that cannot be loaded."""
     for package, entries in published_components().items():
+        if package == "liaisons":
+            continue
         rows = []
         for component in entries:
-            if component in catalogue or len(publishers(component)) > 1:
+            if component in own_components() or len(publishers(component)) > 1:
                 logger.warning(
                     "package %s: its %s is %s:%s; others have this name", package, component, package, component
                 )

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import os
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from liaisons.base.published import publishing_package
+from liaisons.base.published import own_distribution, publishing_package
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
 from liaisons.fmu.archive import read_member
@@ -30,8 +29,8 @@ def provenance(model: Model) -> dict[str, str]:
 
     :raises BuildError: if SOURCE_DATE_EPOCH is no number of seconds.
     """
-    ours = f"{model.module}.".startswith("liaisons.models.")
-    package = metadata.distribution("liaisons") if ours else publishing_package(model.module)
+    package = publishing_package(model.module)
+    ours = package is own_distribution()
     about = {} if package is None else package.metadata.json
     attributes = {
         "author": about.get("author") or about.get("author_email"),
@@ -50,7 +49,7 @@ def with_provenance(description: bytes, model: Model) -> bytes:
 
 def is_of_catalogue(fmu: Path) -> bool:
     """Whether a file is an FMU of a component of liaisons, not of a class of the same name."""
-    about = metadata.distribution("liaisons").metadata.json
+    about = own_distribution().metadata.json
     author = quoteattr(str(about.get("author") or about.get("author_email")))
     return f" author={author}".encode() in (read_member(fmu, "modelDescription.xml") or b"")
 

@@ -25,8 +25,8 @@ from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
 from liaisons.library import fmu_file
-from liaisons.models import regulator
 from liaisons.planning.goals import Array, Goal, by_name, motion_names
+from liaisons_catalogue import regulator
 
 After = Literal["rests", "repeats", "ends"]
 

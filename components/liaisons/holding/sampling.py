@@ -22,10 +22,10 @@ from liaisons.base.hermite import coefficient_matrix
 from liaisons.errors import PlanError, suggestion
 from liaisons.holding.feedback import Step, image_basis, spectral_radius
 from liaisons.language import Orientation
-from liaisons.models.regulator import READINGS
 from liaisons.planning.goals import Array, Goal, by_name, motion_names
 from liaisons.planning.symbols import GoalSymbols, goal_symbols
 from liaisons.planning.transcription import runge_kutta
+from liaisons_catalogue.regulator import READINGS
 
 _DERIVATIVE = ca.DM(np.diag(np.arange(1, 6), 1))
 """Derivative of a polynomial: a row of powers times this matrix."""

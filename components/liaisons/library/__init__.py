@@ -7,7 +7,6 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
@@ -17,7 +16,7 @@ from liaisons.base.arguments import check_integer, shown, with_settings
 from liaisons.base.compiler import Backend, BuildSettings, Fmi
 from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.base.published import load_published_component, published_components, publishers
+from liaisons.base.published import load_published_component, own_components, published_components, publishers
 from liaisons.errors import LiaisonsError, suggestion
 
 if TYPE_CHECKING:
@@ -41,36 +40,26 @@ _owners: dict[tuple[Path, str], str] = {}
 
 
 def catalogue() -> dict[str, type[Component]]:
-    """Return the components of :mod:`liaisons.models`, by name."""
-    from liaisons.models import CATALOGUE
+    """Return the components of :mod:`liaisons.models` by name, operators last."""
+    from liaisons.language import Operator
 
-    return {component.__name__: component for component in CATALOGUE}
+    all_of_them = [_published_component(name) for name in own_components()]
+    return {c.__name__: c for c in sorted(all_of_them, key=lambda c: (issubclass(c, Operator), c.__name__))}
 
 
-@cache
 def catalogue_names() -> frozenset[str]:
-    """Return the names of the catalogue's components, read from their files without an import."""
-    files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
-    heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
-    public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
-    return frozenset(public)
-
-
-def _catalogue_component(name: str) -> type[Component] | None:
-    """Return the catalogue's component of this name, or None; no other one is imported."""
-    from liaisons import models
-
-    return getattr(models, name) if name in catalogue_names() else None
+    """Return the names of the catalogue's components, without an import."""
+    return frozenset(own_components())
 
 
 def component_names() -> list[str]:
     """Return the sorted names of the components in the catalogue and in packages, without an import."""
-    return sorted({*catalogue_names(), *(name for entries in published_components().values() for name in entries)})
+    return sorted({name for entries in published_components().values() for name in entries})
 
 
 def is_named(name: object) -> bool:
     """Return whether the catalogue or a package has a component of this name, without an import."""
-    return name in catalogue_names() or bool(publishers(name))
+    return bool(publishers(name))
 
 
 def is_target(word: object) -> bool:
@@ -131,7 +120,7 @@ def _components_of_word(target: str) -> list[type[Component]]:
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
         if not is_named(target):
             raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
-        return [_catalogue_component(target) or _published_component(target)]
+        return [_published_component(target)]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -142,6 +131,11 @@ def _components_of_word(target: str) -> list[type[Component]]:
     if separator and name not in classes:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
     return [classes[name]] if separator else list(classes.values())
+
+
+def _catalogue_component(name: str) -> type[Component] | None:
+    """Return the catalogue's component of this name, or None; no other one is imported."""
+    return _published_component(name) if name in own_components() else None
 
 
 def _published_component(name: str) -> type[Component]:
