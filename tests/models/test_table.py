@@ -7,11 +7,13 @@ import subprocess
 import sys
 import tomllib
 from importlib import import_module
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
 
 import liaisons_catalogue
+from liaisons.base.published import own_distribution
 from liaisons.library import catalogue, catalogue_names
 
 FOLDER = Path(liaisons_catalogue.__file__).parent
@@ -32,6 +34,15 @@ def test_every_component_is_in_the_table() -> None:
     components = [value for value in values if isinstance(value, type) and not getattr(value, "is_abstract", True)]
     assert table == {c.__name__: f"{c.__module__}:{c.__name__}" for c in components}
     assert catalogue_names() == catalogue().keys() == table.keys()
+
+
+def test_a_clone_is_described_as_its_installation_is() -> None:
+    """It needs none: what FMUs say of author and licence is read from pyproject.toml."""
+    clone, installed = own_distribution(), distribution("liaisons")
+    for key in ("Name", "Author", "License-Expression"):
+        assert clone.metadata[key] == installed.metadata[key]
+    texts = [[file.read_text() for file in each.files or () if file.name == "LICENSE"] for each in (clone, installed)]
+    assert texts[0] == texts[1] == [(ROOT / "LICENSE").read_text(encoding="utf-8")]
 
 
 def test_type_checkers_know_the_catalogue() -> None:

@@ -31,7 +31,9 @@ class _Clone(Distribution):
     """
 
     def read_text(self, filename: str) -> str | None:
-        """Return the text of a file as an installation has it: name, author and licence, or the entry points."""
+        """Return the text of a file as an installation has it: author and licence, entry points, files."""
+        if filename == "RECORD":
+            return "LICENSE,,"
         project = tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         if filename == "entry_points.txt":
             return "\n".join([f"[{GROUP}]", *(f"{n} = {v}" for n, v in project["entry-points"][GROUP].items())])
@@ -41,7 +43,7 @@ class _Clone(Distribution):
 
     def locate_file(self, path: str | PathLike[str]) -> Path:
         """Return where a file is."""
-        return _COMPONENTS / path
+        return _COMPONENTS.parent / path
 
 
 @cache

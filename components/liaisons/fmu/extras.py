@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib import metadata
 
+from liaisons.base.published import own_distribution
 from liaisons.fmu.documentation import index_page
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import reference_members, trajectory
@@ -36,6 +36,6 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 @cache
 def _licence_text() -> bytes:
     """Return the text of the licences of the parts of an FMU."""
-    distribution = metadata.distribution("liaisons")
+    distribution = own_distribution()
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
     return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()
