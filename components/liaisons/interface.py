@@ -271,7 +271,7 @@ class System(cosim.System):
 
         :param start_values: ``"component.variable"`` -> start value, where it differs from that of the archive.
         """
-        return ssp.read(path, cls, start_values)
+        return cls.from_document(ssp.read(path, start_values))
 
     write_ssp = ssp.write
     flatten = flattening.flatten

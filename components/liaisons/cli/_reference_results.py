@@ -36,14 +36,15 @@ def _reference_verdict(path: Path, results: Path, files_by_role: Mapping[str, Pa
 
     :param files_by_role: files of the same labels, with parameters and inputs of the run.
     """
-    fmu = System(path.stem).add("fmu", path).fmu
+    part = System(path.stem).add("fmu", path)
+    fmu = part.fmu
     table = read_table(results, SimulationError)
     rows = zip(*table.cells, strict=True)
     times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows])
     names = [name for column in table.names[1:] for name in fmu.elements(column)]
     starts = []
     if "parameter" in files_by_role:
-        starts = ssp.fmu_start_values(fmu, files_by_role["parameter"])
+        starts = ssp.fmu_start_values(part, files_by_role["parameter"])
     inputs = [str(files_by_role["testcase"])] if "testcase" in files_by_role else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance

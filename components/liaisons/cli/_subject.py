@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -110,7 +110,7 @@ def requested_simulation(
     if given and given[0] > begin:  # the clock begins where the table begins
         begin, stop = given[0], given[1] if stop is None else stop
     system.filled()
-    experiment = ssp.effective_experiment(system, begin, stop, step)
+    experiment = ssp.effective_experiment(replace(system.document, experiment=own), begin, stop, step)
     end, size = experiment.stop_time, experiment.step_size
     if end is None or size is None:
         if single:

@@ -1,16 +1,25 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
-from liaisons.cosim.description.fmu import experiment_problems
+from liaisons.cosim.description.fmu import DefaultExperiment, experiment_problems, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
+from liaisons.cosim.description.variables import Entry
 from liaisons.cosim.running.roll_back import roll_back_difference
-from liaisons.cosim.running.run import Run
+from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.scenes import read_result
+from liaisons.cosim.structure.schedule import Coupling, VariableReference
+from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Signal
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
 __all__ = [
+    "Connection",
+    "Coupling",
+    "DefaultExperiment",
+    "Entry",
     "IncompleteError",
     "Interrupted",
     "OperatorFmu",
@@ -18,12 +27,19 @@ __all__ = [
     "Result",
     "Run",
     "SampledFunction",
+    "Settings",
     "Signal",
+    "Simulation",
     "System",
     "SystemComponent",
+    "SystemDocument",
+    "VariableReference",
+    "checked_simulation",
     "experiment_problems",
+    "read_description",
     "read_result",
     "roll_back_difference",
+    "run_to_end",
     "sampled",
     "simulate",
     "start",

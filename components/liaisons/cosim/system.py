@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, final
+from typing import Any, Self, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +16,6 @@ from liaisons.base.arguments import (
     name_dictionary,
     shown,
     start_value_hints,
-    with_arguments,
-    with_settings,
 )
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
@@ -26,10 +23,11 @@ from liaisons.cosim.running.run import Run, run_to_end, start_run
 from liaisons.cosim.structure.components import Components, Port, SystemComponent, time_limit
 from liaisons.cosim.structure.connections import Connection, scalar_connections
 from liaisons.cosim.structure.diagram import Diagram, block_diagram
+from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked_simulation, with_start_values
+from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Function
-from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
+from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
 
 _SHOWN = 20
@@ -62,6 +60,22 @@ class System:
         self._parts: dict[str, SystemComponent] = {}
         self._connections: dict[VariableReference, Connection] = {}
         self.experiment = self.defaults = DefaultExperiment()
+        self._files: object = None
+
+    @classmethod
+    def from_document(cls, document: SystemDocument) -> Self:
+        """System with the components, connections and experiment of a document."""
+        system = cls(document.name)
+        system._parts = dict(document.parts)
+        system._connections = {connection.target.reference: connection for connection in document.connections}
+        system.experiment = system.defaults = document.experiment
+        system._files = document.files
+        return system
+
+    @property
+    def document(self) -> SystemDocument:
+        """The system as data: components, connections and experiment."""
+        return SystemDocument(self.name, self.parts, self.connections, self.defaults, files=self._files)
 
     def add(
         self,
@@ -184,8 +198,12 @@ class System:
         :param start_values: ``"component.variable"`` -> new start value.
         :raises SimulationError: for an unknown component or variable, or a value that it cannot have.
         """
-        other = copy(self)
-        vars(other)["_parts"] = with_start_values(self.name, self._parts, start_values)
+        return self._changed(self.document.with_start_values(start_values))
+
+    def _changed(self, document: SystemDocument) -> Self:
+        """System of a document that was made from that of this one."""
+        other = self.from_document(document)
+        other.experiment = self.experiment
         return other
 
     def isolated_copy(self, isolated: bool | float = True) -> Self:
@@ -193,13 +211,20 @@ class System:
 
         :raises SimulationError: if that is no time.
         """
-        limit, other = time_limit(f"{self.name}: isolated =", isolated), copy(self)
+        limit = time_limit(f"{self.name}: isolated =", isolated)
         parts = {name: part.isolated_copy(limit) if limit else part for name, part in self._parts.items()}
-        other._parts = parts  # noqa: SLF001 - a system, too
-        return other
+        return self._changed(replace(self.document, parts=parts))
 
-    @with_settings(SimulationSettings)
-    def simulate(self, settings: SimulationSettings) -> Result:
+    def simulate(
+        self,
+        stop_time: float | None = None,
+        step_size: float | None = None,
+        *,
+        verify: bool = False,
+        progress: bool = False,
+        real_time: float | None = None,
+        **settings: Unpack[Settings],
+    ) -> Result:
         """Simulate the system from start to stop.
 
         See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
@@ -235,13 +260,15 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        simulation, step_size = self._checked_simulation(settings), settings.step_size
+        _refuse_unknown("simulate", settings)
+        simulation = checked_simulation(self.document, stop_time, step_size, **settings)
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
-        return run_to_end(simulation, **settings.run_options())
+        return run_to_end(simulation, verify=verify, progress=progress, real_time=real_time)
 
-    @with_settings(SimulationSettings)
-    def start(self, settings: SimulationSettings) -> Run:
+    def start(
+        self, stop_time: float | None = None, step_size: float | None = None, **settings: Unpack[Settings]
+    ) -> Run:
         """Initialize the FMUs for a run that the caller steps.
 
         Without ``stop_time`` it has no end.  The FMUs are handed out as objects of FMPy: ``run.fmu("cart")``.
@@ -253,16 +280,14 @@ class System:
                     run.step({"cart.x_force": -run["cart.x_dot"]})
             result = run.result
 
-        :param settings: those of :meth:`simulate`, but for ``verify``, ``progress`` and ``real_time``.
+        :param settings: those of :meth:`simulate`, as are the first two, but for ``verify``, ``progress`` and
+            ``real_time``.
         :returns: the run, a context manager that releases the FMUs.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
-        settings.refuse_run_options()
-        return start_run(self._checked_simulation(settings, endless=True))
-
-    def _checked_simulation(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
-        parts, connections, usual = self.filled(), self.connections, self.defaults
-        return checked_simulation(self.name, parts, connections, settings, endless=endless, usual=usual)
+        _refuse_run_options(settings)
+        _refuse_unknown("start", settings)
+        return start_run(checked_simulation(self.document, stop_time, step_size, endless=True, **settings))
 
     @property
     def parts(self) -> Components:
@@ -279,9 +304,7 @@ class System:
 
         :raises SimulationError: if there are none.
         """
-        if not self._parts:
-            raise SimulationError(f"{self.name} is empty; add() an FMU first")
-        return self.parts
+        return self.document.filled().parts
 
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
@@ -298,7 +321,7 @@ class System:
         :returns: the picture, which a notebook shows.
         :raises SimulationError: if the file cannot be written.
         """
-        drawn = block_diagram(self.name, self._parts, self.connections)
+        drawn = block_diagram(self.document)
         if path is not None:
             drawn.write(as_path("diagram: path", path))
         return drawn
@@ -307,71 +330,76 @@ class System:
         return self.diagram().svg
 
 
-@final
-@dataclass(frozen=True)
-class _SingleRun:
-    """One FMU with its operators, start values of the user, and settings."""
-
-    system: System
-    starts: Mapping[str, object]
-    settings: SimulationSettings
-
-    @classmethod
-    def assemble(
-        cls,
-        fmu: Path | str,
-        /,
-        *,
-        stop_time: float | None = None,
-        step_size: float | None = None,
-        start_time: float | None = None,
-        times: ArrayLike | None = None,
-        tolerance: float | None = None,
-        coupling: Coupling | None = None,
-        error_tolerance: float | None = None,
-        record: str | Iterable[str] | None = None,
-        inputs: Mapping[str, Function] | None = None,
-        verify: bool = False,
-        progress: bool = False,
-        real_time: float | None = None,
-        isolated: bool | float = False,
-        start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
-        **keywords: ArrayLike | OperatorFmu,
-    ) -> _SingleRun:
-        """System of an FMU and its operators, with start values and settings."""
-        arguments = locals()
-        settings = SimulationSettings(
-            **{setting.name: arguments[setting.name] for setting in fields(SimulationSettings)}
-        )
-        path = as_path("fmu", fmu)
-        starts = merged_start_values(path.stem, start_values, keywords)
-        system = System(path.stem or str(path))
-        system._add_part(path.stem, path, starts, isolated=isolated)  # noqa: SLF001 - its name may have a dot
-        return cls(system, starts, settings)
-
-    def simulation(self, *, endless: bool = False) -> Simulation:
-        """Simulation with checked settings.
-
-        :raises SimulationError: for a bad setting, or a start value of an input that its function of time contradicts.
-        """
-        system, starts, parts = self.system, self.starts, self.system.parts
-        title = next(iter(parts))
-        with start_value_hints(parts[title].fmu.variables):
-            simulation = checked_simulation(
-                title, parts, system.connections, self.settings, single=True, endless=endless
-            )
-        for drive in simulation.drives:
-            for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
-                if name in starts and not np.allclose(
-                    np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9
-                ):
-                    words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
-                    raise SimulationError(f"{title}.{words}; leave one out")
-        return simulation
+def _refuse_unknown(method: str, settings: Mapping[str, object]) -> None:
+    """Raise a TypeError for a keyword of a method that is no setting."""
+    for name in settings:
+        if name not in Settings.__annotations__:
+            raise TypeError(f"System.{method}() got an unexpected keyword argument {name!r}")
 
 
-@with_arguments(_SingleRun.assemble)
-def simulate(single: _SingleRun) -> Result:
+def _refuse_run_options(settings: Any) -> None:
+    """Take the settings of how a simulation is run out of those of a run step by step; refuse them unless they are off.
+
+    :raises SimulationError: naming the setting.
+    """
+    for name in ("verify", "progress", "real_time"):
+        value = settings.pop(name, None)
+        if value is not None and (not isinstance(value, (int, float)) or value):
+            raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
+
+
+def _single_simulation(
+    fmu: Path | str,
+    start_values: Mapping[str, ArrayLike | OperatorFmu] | None,
+    keywords: Mapping[str, ArrayLike | OperatorFmu],
+    *,
+    isolated: bool | float,
+    stop_time: float | None,
+    step_size: float | None,
+    endless: bool = False,
+    **settings: Unpack[Settings],
+) -> Simulation:
+    """Simulation of one FMU and its operators, with checked settings.
+
+    :param start_values: of the user, and ``keywords`` further ones.
+    :raises SimulationError: for a bad setting, or a start value of an input that its function of time contradicts.
+    """
+    path = as_path("fmu", fmu)
+    title, starts = path.stem, merged_start_values(path.stem, start_values, keywords)
+    system = System(title or str(path))
+    own = system._add_part(title, path, starts, isolated=isolated).fmu  # noqa: SLF001 - its name may have a dot
+    experiment = DefaultExperiment(stop_time=own.experiment.stop_time)
+    document = replace(system.document, name=title, experiment=experiment, single=True)
+    with start_value_hints(own.variables):
+        simulation = checked_simulation(document, stop_time, step_size, endless=endless, **settings)
+    for drive in simulation.drives:
+        for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
+            if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9):
+                words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
+                raise SimulationError(f"{title}.{words}; leave one out")
+    return simulation
+
+
+def simulate(
+    fmu: Path | str,
+    /,
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float | None = None,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
+    record: str | Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
+    verify: bool = False,
+    progress: bool = False,
+    real_time: float | None = None,
+    isolated: bool | float = False,
+    start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
+    **keywords: ArrayLike | OperatorFmu,
+) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
     Settings that :meth:`System.simulate` has, too, are the same here, but for the first five: None is the value in the
@@ -401,11 +429,41 @@ def simulate(single: _SingleRun) -> Result:
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
-    return run_to_end(single.simulation(), **single.settings.run_options())
+    simulation = _single_simulation(
+        fmu,
+        start_values,
+        keywords,
+        isolated=isolated,
+        stop_time=stop_time,
+        step_size=step_size,
+        start_time=start_time,
+        times=times,
+        tolerance=tolerance,
+        coupling=coupling,
+        error_tolerance=error_tolerance,
+        record=record,
+        inputs=inputs,
+    )
+    return run_to_end(simulation, verify=verify, progress=progress, real_time=real_time)
 
 
-@with_arguments(_SingleRun.assemble)
-def start(single: _SingleRun) -> Run:
+def start(
+    fmu: Path | str,
+    /,
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float | None = None,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
+    record: str | Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
+    isolated: bool | float = False,
+    start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
+    **keywords: ArrayLike | OperatorFmu,
+) -> Run:
     """Initialize one FMU, and the operators that prescribe its coordinates, for a run step by step.
 
     ::
@@ -421,5 +479,21 @@ def start(single: _SingleRun) -> Run:
     :returns: the run, a context manager that releases the FMUs.
     :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
     """
-    single.settings.refuse_run_options()
-    return start_run(single.simulation(endless=True))
+    _refuse_run_options(keywords)
+    simulation = _single_simulation(
+        fmu,
+        start_values,
+        keywords,
+        isolated=isolated,
+        endless=True,
+        stop_time=stop_time,
+        step_size=step_size,
+        start_time=start_time,
+        times=times,
+        tolerance=tolerance,
+        coupling=coupling,
+        error_tolerance=error_tolerance,
+        record=record,
+        inputs=inputs,
+    )
+    return start_run(simulation)

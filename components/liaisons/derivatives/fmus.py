@@ -23,16 +23,9 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import float_array, name_list
 from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
-from liaisons.cosim import Port, Result, System, SystemComponent
+from liaisons.cosim import Port, Result, System, SystemDocument, checked_simulation, run_to_end
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.running.linearization import Method
-from liaisons.cosim.running.run import run_to_end
-from liaisons.cosim.structure.simulation import (
-    SimulationSettings,
-    checked_simulation,
-    variable_reference,
-    with_start_values,
-)
 from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
 from liaisons.errors import RefusedError, SimulationError
 
@@ -123,12 +116,13 @@ class FmuMotion:
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
         """Result of a run of the FMUs with further start values."""
         title, starts = self.name, {**self.starts, **values}
-        parts = with_start_values(title, self.system.filled(), starts, single=self.single)
-        functions = input_functions(title, parts, self.inputs, single=self.single)
-        settings = SimulationSettings(
-            times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
+        whole = replace(self.system.document.filled(), name=title, single=self.single)
+        document = whole.with_start_values(starts)
+        functions = input_functions(document, self.inputs)
+        times, tolerance = self._integration_times(), self.tolerance
+        return run_to_end(
+            checked_simulation(document, times=times, tolerance=tolerance, record=record, inputs=functions)
         )
-        return run_to_end(checked_simulation(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""
@@ -315,18 +309,15 @@ def fmu_motion(
     return motion
 
 
-def input_functions(
-    title: str, parts: Mapping[str, SystemComponent], polynomials: Mapping[str, PPoly], *, single: bool
-) -> dict[str, Callable[[float], Any]]:
+def input_functions(document: SystemDocument, polynomials: Mapping[str, PPoly]) -> dict[str, Callable[[float], Any]]:
     """Functions of time for inputs; those of an active coordinate return value, rate and acceleration.
 
-    :param single: whether names have no prefix, there being one part.
     :raises SimulationError: for an unknown name.
     """
     functions: dict[str, Callable[[float], Any]] = {}
     for name, polynomial in polynomials.items():
-        owner, variable = variable_reference(title, parts, "input", name, single=single)
-        is_port = Port(parts[owner], variable).triple() is not None
+        owner, variable = document.reference("input", name)
+        is_port = Port(document.parts[owner], variable).triple() is not None
         functions[name] = partial(_value_and_rates, polynomial) if is_port else polynomial
     return functions
 

@@ -13,12 +13,10 @@ from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, shown
-from liaisons.base.logs import ignored_warnings
+from liaisons.base.logs import ignored_warnings, logger
 from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
-from liaisons.cosim import Result
-from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.cosim.messages import logger
+from liaisons.cosim import DefaultExperiment, Result
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.holding.observers import Observer, normal_verdict
 from liaisons.interface import System, with_table

@@ -18,8 +18,7 @@ from liaisons.base.arguments import check_positive, merged_start_values, name_di
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import ignored_warnings
 from liaisons.check import Verdict, verdict
-from liaisons.cosim import Result
-from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim import DefaultExperiment, Result
 from liaisons.errors import PlanError
 from liaisons.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons.holding.subjects import planned_motion, sampled_subject

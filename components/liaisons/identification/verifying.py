@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2, norm, t
 
-from liaisons import cosim
 from liaisons.base.folders import process_folder
 from liaisons.check import Verdict, verdict
+from liaisons.cosim import System, SystemDocument
 from liaisons.derivatives.fmus import input_functions
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, MeasuredMotion
@@ -73,16 +73,14 @@ def _run_experiment(
     most = np.ptp(ends) / _MIN_STEPS
     inner = [np.linspace(a, b, int(np.ceil((b - a) / most)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(inner), ends[-1])
-    if isinstance(subject, cosim.System):
-        inputs = input_functions(subject.name, subject.parts, data.inputs, single=False)
+    if isinstance(subject, System):
+        inputs = input_functions(subject.document, data.inputs)
         return subject.with_start_values(starts).simulate(times=times, tolerance=_SOLVER_TOLERANCE, inputs=inputs)
     for name, target in problem.operators.items():
         own = [start for start in starts if start.startswith(f"{name}.")]
         starts[name] = operator(target, start_values={start.partition(".")[2]: starts.pop(start) for start in own})
     fmu = build(subject, process_folder()) if isinstance(subject, Model) else fmu_file(subject)
-    alone = cosim.System(fmu.stem)
-    alone.add(fmu.stem, fmu)
-    inputs = input_functions(fmu.stem, alone.parts, data.inputs, single=True)
+    inputs = input_functions(SystemDocument.of_fmu(fmu), data.inputs)
     return simulate(fmu, times=times, tolerance=_SOLVER_TOLERANCE, inputs=inputs, start_values=starts)
 
 

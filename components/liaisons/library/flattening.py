@@ -19,7 +19,7 @@ from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.identifiers import identifier
 from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
-from liaisons.cosim import System, SystemComponent
+from liaisons.cosim import System, SystemComponent, SystemDocument
 from liaisons.errors import SimulationError
 from liaisons.library import component, has_size, is_named, model
 from liaisons.ssp import has_table
@@ -70,8 +70,9 @@ def composed_model(system: System, components: Mapping[str, type[Component]] | N
 
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")
-    parts = system.filled()
-    if converted := [connection for connection in system.connections if connection.conversion != SAME]:
+    document = system.document.filled()
+    parts, connections = document.parts, document.connections
+    if converted := [connection for connection in connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
     models = {name: _model_of_part(part, components or {}) for name, part in parts.items()}
     starts = {
@@ -82,7 +83,7 @@ def composed_model(system: System, components: Mapping[str, type[Component]] | N
     return compose(
         identifier(system.name),
         models,
-        {str(c.target): str(c.source) for c in system.connections if not c.is_impulse},  # contacts give forces
+        {str(c.target): str(c.source) for c in connections if not c.is_impulse},  # contacts give forces
         starts=starts,
     )
 
@@ -92,7 +93,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
     :raises SimulationError: if the catalogue does not have it.
     """
-    part = SystemComponent.read(Path(path).stem, path, {})
+    (part,) = SystemDocument.of_fmu(path).parts.values()
     derived = _model_of_part(part, {})
     return derived, _start_values(part, derived)
 

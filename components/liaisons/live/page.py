@@ -7,6 +7,7 @@ import gzip
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -15,15 +16,9 @@ from typing import Any
 from liaisons.base.archive import Archive, file_identity
 from liaisons.base.array_names import array_and_index
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
-from liaisons.cosim import System, SystemComponent
-from liaisons.cosim.description.fmu import read_description
-from liaisons.cosim.description.model_description import Attributes
-from liaisons.cosim.structure.components import Port
-from liaisons.cosim.structure.connections import feeds_of
-from liaisons.cosim.structure.scenes import connected_groups, picture_of
-from liaisons.cosim.structure.schedule import execution_order
+from liaisons.cosim import Port, System, SystemComponent, SystemDocument, read_description
 from liaisons.errors import SimulationError
-from liaisons.pictures import combined_pictures
+from liaisons.pictures import Picture, combined_pictures
 from liaisons.pictures.inline import inlined_page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
@@ -48,22 +43,21 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     :raises BuildError: if there is no compiler for WebAssembly, or it fails.
     """
     if isinstance(subject, System):
-        parts = {f"{name}.": part for name, part in subject.filled().items()}
-        title, text, connections = subject.name, "", subject.connections
+        document, title, text = subject.document.filled(), subject.name, ""
     else:
-        part = SystemComponent.read(subject.stem, subject, starts or {})
-        root = read_description(subject).root
-        parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
-    for part in parts.values():
+        document, root = SystemDocument.of_fmu(subject, starts), read_description(subject).root
+        title, text = root["modelName"], root.get("description", "")
+    for part in document.parts.values():
         part.fmu.require_file("a live page")
-    feeds = feeds_of(connections)
-    ordered = list(execution_order([part.name for part in parts.values()], feeds))
-    parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
+    ordered = [name for group in document.graph.strong_components for name in group]
+    document = replace(document, parts={name: document.parts[name] for name in ordered})
+    parts, connections, feeds, scene = document.parts, document.connections, document.graph.feeds, document.scene
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
     components = [
-        _component_data(prefix, part, paths, feeds, ordered[:i]) for i, (prefix, part) in enumerate(parts.items())
+        _component_data(prefix, part, paths, feeds, ordered[:i], picture=scene.pictures[prefix])
+        for i, (prefix, part) in enumerate(scene.parts.items())
     ]
-    index_of = {part.name: i for i, part in enumerate(parts.values())}
+    index_of = {name: i for i, name in enumerate(parts)}
     stops = [part.fmu.experiment.stop_time for part in parts.values()]
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
     step = speed / (2 * _FRAMES)
@@ -71,19 +65,18 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
-    picture = combined_pictures({prefix: picture_of(part) for prefix, part in parts.items()})
     plan = {
         "components": components,
         "connections": [
             [index_of[c.source.part.name], c.source.name, index_of[c.target.part.name], c.target.name, *c.conversion]
             for c in connections
         ],
-        "groups": connected_groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
+        "groups": scene.groups,
         "modules": [_encoded_module(path, *file_identity(path)) for path in paths],
         "step_size": step,
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
         "speed": speed,
-        "plane": picture.plane,
+        "plane": combined_pictures(scene.pictures).plane,
         "signals": [
             name
             for component, part in zip(components, parts.values(), strict=True)
@@ -121,6 +114,8 @@ def _component_data(
     paths: Sequence[Path],
     feeds: Mapping[tuple[str, str], tuple[str, str]],
     stepped_before: Collection[str],
+    *,
+    picture: Picture,
 ) -> dict[str, Any]:
     """Return the data of a component for the page's script.
 
@@ -137,7 +132,6 @@ def _component_data(
         if v["causality"] == "input" and name not in fed and (triple := Port(part, name).triple())
     ]
     hidden = fed | {member for triple in free for member in triple[1:]}
-    picture = picture_of(part)
     outputs = [
         name
         for name, v in variables.items()
@@ -170,7 +164,7 @@ def _component_data(
 
 
 def _variable_data(
-    v: Attributes, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
+    v: Mapping[str, str], part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
 ) -> dict[str, Any]:
     """Return the data of a variable for the page's script, without empty entries."""
     name, causality = v["name"], v["causality"]

@@ -18,8 +18,7 @@ from scipy.interpolate import PPoly
 from liaisons.base.arguments import as_path, check_finite, check_integer, float_array, name_dictionary, name_list, shown
 from liaisons.base.files import replacement_path
 from liaisons.check import Verdict
-from liaisons.cosim import Result
-from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim import DefaultExperiment, Result
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, is_named

@@ -10,27 +10,27 @@ import numpy as np
 
 from liaisons.base.unit_definitions import SAME, UnitDefinition
 from liaisons.base.xml_documents import read_tree
-from liaisons.cosim.description.fmu import Fmu, read_description
-from liaisons.cosim.description.variables import Array
+from liaisons.cosim import SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import child_path, tag, unit_definitions
 
 Number = float | int | bool | str
-
+Value = Number | tuple[Number, ...]
+"""Value of a parameter; of an array, one for each element."""
 
 Quantity = tuple[tuple[Number, ...], UnitDefinition | str | None]
 """Values of a parameter (several: an array), and their unit; its name where the set does not define it."""
 
 
-def fmu_start_values(fmu: Fmu, file: Path) -> list[tuple[str, object]]:
-    """Names of an FMU's variables with their start values in a file of a parameter set (SSV).
+def fmu_start_values(part: SystemComponent, file: Path) -> list[tuple[str, object]]:
+    """Names of a component's variables with their start values in a file of a parameter set (SSV).
 
     :raises SimulationError: for a value that a variable cannot have.
     :raises ValueError: for what is no XML.
     """
     with file.open("rb") as content:
         quantities = parameter_quantities(read_tree(content))
-    return [(name, value_for_variable(name, fmu, name, quantity)) for name, quantity in quantities]
+    return [(name, value_for_variable(part, name, quantity)) for name, quantity in quantities]
 
 
 def parameter_quantities(parameter_set: Element) -> list[tuple[str, Quantity]]:
@@ -66,11 +66,12 @@ def mapped_parameters(
             yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
-def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """Value of a parameter, converted to the type and the unit of a variable.
+def value_for_variable(part: SystemComponent, variable: str, quantity: Quantity) -> object:
+    """Value of a parameter, converted to the type and the unit of a component's variable.
 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
+    owner, fmu = part.name, part.fmu
     entry = fmu.variables.entry(variable)
     scalar, (values, unit) = entry.prototype, quantity
     if isinstance(unit, str):  # not defined in the set: of this name in the FMU
@@ -83,10 +84,10 @@ def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) 
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):
-        values = _enumeration_values(f"{owner}.{variable}", fmu, scalar.name, values)
+        values = _enumeration_values(f"{owner}.{variable}", fmu.items(scalar.name), values)
     elif scalar.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
-    if isinstance(entry, Array) and len(values) == entry.size:
+    if entry.shape and len(values) == entry.size:
         return np.array(values, dtype=object).reshape(entry.shape)
     return values[0] if len(values) == 1 else values
 
@@ -108,10 +109,8 @@ def _parameter_values(name: str, element: Element) -> tuple[Number, ...]:
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
 
-def _enumeration_values(label: str, fmu: Fmu, variable: str, values: Iterable[Number]) -> tuple[Number, ...]:
-    """Values of a variable's enumeration type, given by names of its items or as numbers."""
-    description = read_description(fmu.path)
-    items = description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
+def _enumeration_values(label: str, items: Mapping[str, int], values: Iterable[Number]) -> tuple[Number, ...]:
+    """Values of an enumeration, given by names of its items or as numbers."""
     for value in values:
         if isinstance(value, str) and value not in items:
             raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")

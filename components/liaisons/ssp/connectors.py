@@ -9,11 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.base.array_names import Shape, array_and_index
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.units import BASE
-from liaisons.cosim.description.fmu import LONGEST
-from liaisons.cosim.description.variables import Entry, Scalar
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim import Connection, Entry, SystemComponent, VariableReference
 from liaisons.ssp.xml import tag
 
 Form = Literal["portable", "full"]
@@ -55,7 +51,7 @@ def system_connectors(
         for key, entry in part.fmu.variables.entries.items()
         if entry.prototype.type in _SHOWN.get(entry.prototype.causality, ())
         for whole in [part.fmu.variables.whole_array(key)]
-        if whole or entry.size <= LONGEST
+        if whole or not entry.is_long
         for name in ([key] if whole else entry.names())
         if (part.name, name) not in fed
     }
@@ -68,7 +64,7 @@ def add_connectors(parent: Element, connectors: Mapping[str, Entry], units: Unit
     group = SubElement(parent, tag("ssd:Connectors"))
     for name, entry in connectors.items():
         element = SubElement(group, tag("ssd:Connector"), name=name, kind=entry.prototype.causality)
-        add_type(element, "ssc", entry.prototype, units, form)
+        add_type(element, "ssc", entry, units, form)
         add_dimensions(element, entry)
 
 
@@ -78,8 +74,9 @@ def add_dimensions(parent: Element, entry: Entry) -> None:
         SubElement(parent, tag("ssc:Dimension"), size=str(size))
 
 
-def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form: Form) -> Element:
+def add_type(parent: Element, prefix: str, entry: Entry, units: Units, form: Form) -> Element:
     """Add and return the type of a variable, with its unit if that is defined."""
+    variable = entry.prototype
     name = (
         _PORTABLE.get(variable.type, variable.type) if form == "portable" else _FULL.get(variable.base, variable.base)
     )

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from html import escape
 
-from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim import SystemDocument
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -31,17 +28,16 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 """
 
 
-def system_page(
-    name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
-) -> str:
+def system_page(document: SystemDocument) -> str:
     """HTML page of a system: components with start values, connections, experiment."""
+    experiment = document.experiment
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
         times.append(f"stops at t = {experiment.stop_time:g} s")
     if experiment.step_size is not None:
         times.append(f"communicates every {experiment.step_size:g} s")
     return _PAGE.format(
-        title=escape(name),
+        title=escape(document.name),
         experiment=f"The experiment {', '.join(times)}.",
         parts="\n".join(
             _table_row(
@@ -49,10 +45,11 @@ def system_page(
                 f"{c.fmu.model_name} (FMI {c.fmu.version}.0)",
                 ", ".join(f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in c.starts.items()),
             )
-            for c in parts
+            for c in document.parts.values()
         ),
         connections="\n".join(
-            _table_row(*str(connection).split(" -> "), connection.source.variable.unit) for connection in connections
+            _table_row(*str(connection).split(" -> "), connection.source.variable.unit)
+            for connection in document.connections
         ),
     )
 

@@ -21,9 +21,9 @@ from zipfile import ZipFile, ZipInfo
 
 from liaisons.base.arrays import Floats
 from liaisons.base.compiler import INSTALLATION
-from liaisons.cosim.description.start_values import Value
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim import SystemComponent
 from liaisons.errors import SimulationError
+from liaisons.ssp.assignment import Value
 from liaisons.ssp.parameters import starts_by_parameter, value_text
 
 _STARTS = "resources/starts.txt"

@@ -6,28 +6,26 @@ import math
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.base.arguments import check_finite
-from liaisons.cosim import System
-from liaisons.cosim.description.fmu import DefaultExperiment, usable_experiment
-from liaisons.cosim.structure.simulation import common_experiment
+from liaisons.cosim import DefaultExperiment, SystemDocument
 from liaisons.ssp.xml import child_path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
 
 
 def effective_experiment(
-    system: System,
+    document: SystemDocument,
     start_time: float | None = None,
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> DefaultExperiment:
-    """Start, stop and step size: those given, else those of the last run, else those of the FMUs.
+    """Start, stop and step size: those given, else those of the document, else those of the FMUs.
 
     :raises SimulationError: for what is no finite number.
     """
     for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
         if value is not None:
             check_finite(label, value)
-    last, usual = system.experiment, common_experiment(part.fmu for part in system.parts.values())
+    last, usual = document.experiment, document.common_experiment
     if start_time is None:  # that of a run goes with its end
         start_time = (last.start_time or 0.0) if stop_time is None and last.stop_time is not None else 0.0
     if stop_time is None:
@@ -87,8 +85,8 @@ def read_experiment(root: Element) -> DefaultExperiment:
     ]
     start = float(attributes.get("startTime", math.nan))
     begin = start if math.isfinite(start) else None
-    span = usable_experiment(begin or 0.0, None if stop is None else float(stop), float(steps[0]) if steps else None)
-    return DefaultExperiment(begin, *span)
+    span = None if stop is None else float(stop), float(steps[0]) if steps else None
+    return DefaultExperiment(begin, *span).usable()
 
 
 def _add_annotation(parent: Element, kind: str) -> Element:

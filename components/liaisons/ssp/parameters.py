@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.cosim.description.start_values import Value
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim import SystemComponent
+from liaisons.ssp.assignment import Value
 from liaisons.ssp.connectors import Form, Units, add_dimensions, add_type, add_units
 from liaisons.ssp.xml import tag, xml_content
 
@@ -34,7 +34,7 @@ def parameter_set(listed: Iterable[ParameterEntry], units: Units, form: Form) ->
     for name, part, variable, value in listed:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
         entry = part.fmu.variables.entry(variable)
-        element = add_type(parameter, "ssv", entry.prototype, units, form)
+        element = add_type(parameter, "ssv", entry, units, form)
         element.attrib = {"value": value_text(value), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         add_dimensions(parameter, entry)

@@ -7,25 +7,22 @@ from __future__ import annotations
 
 import io
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar, final
+from typing import Any, final
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import temporary_folder
+from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME, UnitDefinition
 from liaisons.base.xml_documents import read_tree
-from liaisons.cosim import System
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.fmu import read as read_fmu
-from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.components import Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection, scalar_connection
+from liaisons.cosim import Connection, Port, System, SystemComponent, SystemDocument
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.ssp.assignment import Quantity, mapped_parameters, parameter_quantities, value_for_variable
 from liaisons.ssp.experiment import read_experiment
@@ -36,20 +33,16 @@ _VERSIONS = ("1.0", "2.0")
 _PARTS = ("ssv:ParameterSet", "ssm:ParameterMapping", "ssb:SignalDictionary")
 
 
-S = TypeVar("S", bound=System)
-
-
 @final
 class _Folder:
     """Owner of a folder: the folder is removed with it."""
 
 
-def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
-    """System in an archive, whose FMUs are unpacked into a folder that lives as long as the system, or a copy.
+def read(file: Path | str, starts: Mapping[str, object] | None = None) -> SystemDocument:
+    """System in an archive, whose FMUs are unpacked into a folder that lives as long as the document, or a copy.
 
-    :param make: creates a system of a name.
     :param starts: start values that override those of the archive, by ``"component.variable"``.
-    :returns: the system, with the default experiment of the archive.
+    :returns: the system as data, with the default experiment of the archive.
     :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has elements
         that cannot be simulated here.
     :raises ConnectError: if a connection does not fit.
@@ -59,15 +52,14 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
         directory = stack.enter_context(temporary_folder())
         try:
             with Archive(file) as archive:
-                system = _read_system(archive, directory, make, starts or {})
+                document = _read_system(archive, directory, starts or {})
         except LiaisonsError as error:
             if str(file) not in str(error):
                 raise type(error)(f"{file}: {error}") from error
             raise
         folder = _Folder()
         weakref.finalize(folder, stack.pop_all().close)
-        vars(system)["_folder"] = folder  # which copies of the system share
-    return system
+    return replace(document, files=folder)
 
 
 def _member_name(archive: Archive, source: str, owner: str) -> str:
@@ -109,7 +101,7 @@ def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
     return element
 
 
-def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
+def _read_system(archive: Archive, directory: Path, further: Mapping[str, object]) -> SystemDocument:
     """System in an opened archive, whose FMUs are unpacked into a directory.
 
     :param further: start values that override those of the archive.
@@ -123,10 +115,10 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         structure, experiment = read_structure(root, partial(_dictionary_root, archive)), read_experiment(root)
     except ValueError as error:
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
-    fmus = _unpack(archive, structure, directory)
-    units = _connector_units(structure, fmus)
-    starts = _start_values(archive, structure, fmus)
-    owners = {_component_name(component): component for component in fmus}
+    files = _unpack(archive, structure, directory)
+    units = _connector_units(structure, files)
+    starts = _start_values(archive, structure, files)
+    owners = {_component_name(component): component for component in files}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -135,14 +127,13 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
             )
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
-    system = make(structure.name)
+    system = System(structure.name)
     parts = {
-        component: system.add(_component_name(component), fmu.path, start_values=starts[component])
-        for component, fmu in fmus.items()
+        component: system.add(_component_name(component), file.fmu.path, start_values=starts[component])
+        for component, file in files.items()
     }
     system.join(_connections(structure, parts, units))
-    system.experiment = system.defaults = experiment
-    return system
+    return replace(system.document, experiment=experiment)
 
 
 def _component_name(element: ElementPath) -> str:
@@ -150,42 +141,40 @@ def _component_name(element: ElementPath) -> str:
     return "_".join(element).replace(".", "_")  # names of components have no dots
 
 
-def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[ElementPath, Fmu]:
-    """Unpack the FMUs into a directory, and return them by component."""
-    fmus: dict[str, Fmu] = {}
+def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[ElementPath, SystemComponent]:
+    """Unpack the FMUs into a directory, and return the components, without start values."""
+    files: dict[str, SystemComponent] = {}
     size = archive.size
     for component, source in structure.sources.items():
-        if source not in fmus:
+        if source not in files:
             name = _member_name(archive, source, f"the FMU of component {'.'.join(component)}")
-            path = directory / str(len(fmus)) / PurePosixPath(name).name
+            path = directory / str(len(files)) / PurePosixPath(name).name
             archive.copy(name, path)
             try:
-                fmus[source] = read_fmu(path)
+                files[source] = SystemComponent.read(name, path, {})
             except SimulationError as error:  # it names a temporary file
                 raise SimulationError(str(error).replace(str(path), name)) from error
-            size += fmus[source].unpacked
+            size += files[source].fmu.unpacked
             if size > unpacked_limit():
                 raise size_error(f"{archive.path} with its FMUs", size)
-    return {component: fmus[source] for component, source in structure.sources.items()}
+    return {c: replace(files[source], name=_component_name(c)) for c, source in structure.sources.items()}
 
 
 def _start_values(
-    archive: Archive, structure: Structure, fmus: dict[ElementPath, Fmu]
+    archive: Archive, structure: Structure, files: Mapping[ElementPath, SystemComponent]
 ) -> dict[ElementPath, dict[str, Any]]:
     """Start values of each component by variable, from all parameter bindings."""
-    starts: dict[ElementPath, dict[str, Any]] = {component: {} for component in fmus}
+    starts: dict[ElementPath, dict[str, Any]] = {component: {} for component in files}
     for element, binding in structure.bindings:
         for name, quantity in _bound_parameters(archive, element, binding):
             targets = structure.parameter_targets(element, name)
             if not targets:
                 logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
             for component, variable in targets:
-                fmu = fmus[component]
+                fmu = files[component].fmu
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[component].pop(variable, None)  # later values override
-                    starts[component][variable] = value_for_variable(
-                        _component_name(component), fmu, variable, quantity
-                    )
+                    starts[component][variable] = value_for_variable(files[component], variable, quantity)
                 else:
                     logger.warning(
                         "%s: %s; the parameter is ignored", archive.path, fmu.unknown_variable_message(variable)
@@ -230,14 +219,16 @@ def _dictionary_root(archive: Archive, source: str, owner: str) -> Element | Non
     return _xml_root(archive, source, owner, "ssb:SignalDictionary")
 
 
-def _connector_units(structure: Structure, fmus: Mapping[ElementPath, Fmu]) -> dict[Connector, UnitDefinition]:
+def _connector_units(
+    structure: Structure, files: Mapping[ElementPath, SystemComponent]
+) -> dict[Connector, UnitDefinition]:
     """Units of connectors of components that their FMUs leave open.
 
     :raises SimulationError: for a unit that is not that of the FMU, or has no definition.
     """
     open_units: dict[Connector, UnitDefinition] = {}
     for (component, name), (unit, definition) in structure.declared.items():
-        fmu = fmus[component]
+        fmu = files[component].fmu
         if name not in fmu.variables and name not in fmu.arrays:
             continue  # a connection to it is refused
         own = fmu.variables.entry(name).prototype.unit
@@ -273,7 +264,7 @@ def _connections(
                 words = "they cannot be connected as a whole"
                 raise ConnectError(f"{start} has {len(sources)} elements, {end} has {len(targets)}: {words}")
             joined += [
-                scalar_connection(
+                Connection.between(
                     source,
                     target,
                     structure.conversion(chain, source.unit or units.get(start[:2]), target.unit or units.get(end[:2])),

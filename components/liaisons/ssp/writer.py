@@ -11,7 +11,7 @@ documentation. Both have units.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -23,14 +23,7 @@ from liaisons.base.arguments import check_choice as one_of
 from liaisons.base.files import replacement_path
 from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME
-from liaisons.cosim import System
-from liaisons.cosim.description.variables import Entry
-from liaisons.cosim.running.run import run_to_end
-from liaisons.cosim.structure.checks import ConnectionGraph
-from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
+from liaisons.cosim import Connection, Entry, Port, System, SystemComponent, SystemDocument, VariableReference
 from liaisons.errors import SimulationError
 from liaisons.ssp.connectors import (
     Form,
@@ -76,20 +69,11 @@ def write(
     :raises SimulationError: if the system is empty, has what this form cannot express, or the file cannot be written.
     """
     one_of("form", form, get_args(Form))
-    path, name, connections = as_path("archive", path), system.name, system.connections
-    parts = system.filled()
-    experiment = effective_experiment(system, start_time, stop_time, step_size)
+    path, document = as_path("archive", path), replace(system.document.filled(), experiment=system.experiment)
+    document = replace(document, experiment=effective_experiment(document, start_time, stop_time, step_size))
     if form == "portable":
-        name = _identifier(name)
-        names = _unique_identifiers(parts)
-        parts = _with_solved_loops(name, parts, connections, experiment.start_time or 0.0)
-        parts = {names[p.name]: replace(_with_extrapolated_inputs(p), name=names[p.name]) for p in parts.values()}
-        connections = [
-            replace(
-                link, source=_renamed_port(link.source, parts, names), target=_renamed_port(link.target, parts, names)
-            )
-            for link in connections
-        ]
+        document = _portable(document)
+    name, parts, connections, experiment = document.name, document.parts, document.connections, document.experiment
     files: Files = {}
     root = Element(tag("ssd:SystemStructureDescription"), version="1.0" if form == "portable" else "2.0", name=name)
     whole = SubElement(root, tag("ssd:System"), name=name)
@@ -99,7 +83,7 @@ def write(
         _add_portable_components(whole, parts.values(), connections, units, files)
     else:
         _add_full(whole, parts.values(), connections, units, files)
-        files[_PAGE] = system_page(name, parts.values(), connections, experiment).encode()
+        files[_PAGE] = system_page(document).encode()
     add_simulation_information(whole, experiment)
     add_units(root, "ssd:Units", units)
     add_experiment(root, experiment)
@@ -112,27 +96,36 @@ def write(
             archive.writestr(ZipInfo(file), data, ZIP_STORED if file.endswith(".fmu") else ZIP_DEFLATED)
 
 
-def _with_solved_loops(
-    name: str, parts: Mapping[str, SystemComponent], connections: Sequence[Connection], start_time: float
-) -> dict[str, SystemComponent]:
+def _portable(document: SystemDocument) -> SystemDocument:
+    """Copy whose names are identifiers, and whose FMUs are for masters that step all of them at once."""
+    document, names = replace(document, name=_identifier(document.name)), _unique_identifiers(document.parts)
+    parts = {
+        names[name]: replace(part.extrapolating_copy(), name=names[name])
+        for name, part in _with_solved_loops(document).items()
+    }
+    connections = [
+        replace(link, source=_renamed_port(link.source, parts, names), target=_renamed_port(link.target, parts, names))
+        for link in document.connections
+    ]
+    return replace(document, parts=parts, connections=connections)
+
+
+def _with_solved_loops(document: SystemDocument) -> Mapping[str, SystemComponent]:
     """Components, with inputs in algebraic loops that start from the solution of the loops.
 
     Other masters pass values on only once or twice.
-
-    :param name: of the system.
-    :param start_time: [s].
     """
-    graph = ConnectionGraph(parts, connections, ())
+    graph, parts, start_time = document.graph, document.parts, document.experiment.start_time or 0.0
     if not graph.algebraic_loops:
-        return dict(parts)
-    settings = SimulationSettings(times=(start_time, start_time + _SHORT))
+        return parts
     try:
-        result = run_to_end(checked_simulation(name, parts, connections, settings))
+        result = System.from_document(document).simulate(times=(start_time, start_time + _SHORT))
     except SimulationError as error:
-        logger.warning("%s: its algebraic loops are not solved at the start, for it cannot be run: %s", name, error)
-        return dict(parts)
+        words = "%s: its algebraic loops are not solved at the start, for it cannot be run: %s"
+        logger.warning(words, document.name, error)
+        return parts
     starts = {owner: dict(part.starts) for owner, part in parts.items()}
-    for owner, variable in (connection.target.reference for connection in connections):
+    for owner, variable in (connection.target.reference for connection in document.connections):
         if owner in graph.cyclic and not parts[owner].fmu.variables.whole_array(variable):
             starts[owner][variable] = float(result[f"{owner}.{variable}"][0])
     return {owner: replace(part, starts=starts[owner]) for owner, part in parts.items()}
@@ -161,13 +154,6 @@ def _renamed_port(port: Port, parts: Mapping[str, SystemComponent], names: Mappi
     :param parts: by their new names; ``names``: old name -> new one.
     """
     return Port(parts[names[port.part.name]], port.name)
-
-
-def _with_extrapolated_inputs(part: SystemComponent) -> SystemComponent:
-    """Component with inputs extrapolated, not interpolated, for masters that step all FMUs at once."""
-    if not part.approximation.takes_end_values:
-        return part
-    return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
 
 
 def _add_portable_components(

@@ -13,7 +13,6 @@ from uuid import uuid4
 
 from liaisons.base.arguments import shown
 from liaisons.base.folders import temporary_folder
-from liaisons.cosim.instances import extract_fmus
 from liaisons.errors import SweepError
 from liaisons.sweeps.study import Failure, Outcomes, Study, failure_of
 from liaisons.sweeps.workers import Deliver, Pool
@@ -190,7 +189,7 @@ def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit:
         for path, content in files.items():
             paths[path].write_bytes(content)
         moved = study.with_fmu_paths(paths)
-        pool = Pool(dumps((moved, extract_fmus(moved.fmus(), folder), str(folder))), folder, 1, time_limit)
+        pool = Pool(dumps((moved, moved.simulation.extract(folder), str(folder))), folder, 1, time_limit)
         stack.callback(pool.close, 0.0)  # the worker's own loop waits for it
         _pools[key, get_ident()] = pool, stack.pop_all()
 

@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from liaisons.base.arguments import name_list, shown
-from liaisons.cosim import Result
 from liaisons.errors import SweepError, suggestion
+from liaisons.results import Result
 
 Measure: TypeAlias = str | Callable[[Result], float]
 """A signal's value at the end, ``"theta"``, ``"theta:max"``, ``"theta:min"``; or a function of the whole result."""

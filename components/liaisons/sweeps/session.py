@@ -10,13 +10,11 @@ import logging
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
 from liaisons.base.logs import collected_warnings, logger
-from liaisons.cosim.running.run import Run
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim import Run, SystemDocument
 from liaisons.errors import EndedError, LiaisonsError
 from liaisons.sweeps.measures import evaluate_measures
 from liaisons.sweeps.study import Completed, Failure, Outcome, Study, failure_of
@@ -44,18 +42,16 @@ def case_simulator(task: Task) -> Iterator[SimulateCase]:
         def outcome(case: int, suspect: bool) -> Outcome:
             nonlocal run
             try:
-                parts = study.case_components(case)
+                document = study.case_document(case)
             except LiaisonsError as error:  # an invalid start value stays invalid
                 return Failure(str(error), refused=True)
             try:
                 if suspect:
-                    isolated = replace(
-                        study.simulation, parts={name: part.isolated_copy() for name, part in parts.items()}
-                    )
+                    isolated = study.simulation.with_parts({n: p.isolated_copy() for n, p in document.parts.items()})
                     with Run(isolated, folders) as alone:
-                        return _simulate_case(study, alone, parts)
+                        return _simulate_case(study, alone, document)
                 run = run or stack.enter_context(Run(study.simulation, folders, again=True))
-                completed: Outcome = _simulate_case(study, run, parts)
+                completed: Outcome = _simulate_case(study, run, document)
                 if run.repeats:
                     return completed
             except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
@@ -67,11 +63,11 @@ def case_simulator(task: Task) -> Iterator[SimulateCase]:
         yield outcome
 
 
-def _simulate_case(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
+def _simulate_case(study: Study, run: Run, case: SystemDocument) -> Completed:
     """Measures and warnings of a case, simulated in a run that exists."""
     with collected_warnings() as warned:
         try:
-            run.start(parts)
+            run.start(case.parts)
             run.finish()
         except EndedError as ended:
             if run.reached() is None:

@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import TypeAlias, final
 
 from liaisons.base.arrays import Floats
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation, with_start_values
+from liaisons.cosim import Simulation, SystemDocument, VariableReference
 from liaisons.errors import LiaisonsError, RefusedError
 from liaisons.sweeps.measures import Measures, measure_identity
 
@@ -37,24 +34,21 @@ class Study:
         """Number of cases."""
         return len(next(iter(self.cases.values())))
 
-    def case_components(self, case: int) -> dict[str, SystemComponent]:
-        """Components with the start values of one case, by name.
+    def case_document(self, case: int) -> SystemDocument:
+        """The system with the start values of one case.
 
         :raises SimulationError: if a value does not fit.
         """
-        run, columns = self.simulation, self.cases.items()
+        columns = self.cases.items()
         starts = {name: self._typed_value(*self.varied[name], float(column[case])) for name, column in columns}
-        return with_start_values(run.title, run.parts, starts, single=run.single)
-
-    def fmus(self) -> list[Fmu]:
-        """FMUs of all components."""
-        return [part.fmu for part in self.simulation.parts.values()]
+        return self.simulation.document.with_start_values(starts)
 
     def files(self) -> dict[Path, bytes]:
         """Contents of the FMU files, by path."""
-        for fmu in self.fmus():
+        fmus = [part.fmu for part in self.simulation.parts.values()]
+        for fmu in fmus:
             fmu.require_file("a sweep with a journal, or on a cluster,")
-        return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
+        return {path: path.read_bytes() for path in {fmu.path for fmu in fmus}}
 
     def with_fmu_paths(self, paths: Mapping[Path, Path]) -> Study:
         """Copy of the study whose FMUs are files at other paths: old path -> new path."""
@@ -62,7 +56,7 @@ class Study:
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
         }
-        return replace(self, simulation=replace(self.simulation, parts=parts))
+        return replace(self, simulation=self.simulation.with_parts(parts))
 
     def journal_key(self) -> str:
         """Hash that identifies the study in a journal: of its FMUs, settings, cases and measures."""

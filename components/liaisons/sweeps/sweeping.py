@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +15,7 @@ from liaisons.base.arguments import as_path, check_integer, check_positive, name
 from liaisons.base.arrays import Floats
 from liaisons.base.logs import Warnings, logger
 from liaisons.base.progress import progress_bar
-from liaisons.cosim import System
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation, variable_reference
+from liaisons.cosim import Coupling, Settings, System, SystemDocument, VariableReference, checked_simulation
 from liaisons.errors import SimulationError, SweepError
 from liaisons.results import Result
 from liaisons.sweeps import cluster
@@ -91,15 +87,13 @@ def sweep(
         checked_cases(cases),
         checked_measures(keep),
         name_dictionary("start_values", {} if start_values is None else start_values, SweepError),
-        SimulationSettings(
-            start_time=start_time,
-            stop_time=stop_time,
-            step_size=step_size,
-            times=times,
-            tolerance=tolerance,
-            coupling=coupling,
-            record=record,
-        ),
+        stop_time=stop_time,
+        step_size=step_size,
+        start_time=start_time,
+        times=times,
+        tolerance=tolerance,
+        coupling=coupling,
+        record=record,
     )
     shape = study.count, len(study.keep)
     book = (
@@ -148,26 +142,28 @@ def _checked_study(
     cases: Mapping[str, Floats],
     keep: Measures,
     starts: Mapping[str, float | bool | str],
-    settings: SimulationSettings,
+    *,
+    stop_time: float | None,
+    step_size: float | None,
+    **settings: Unpack[Settings],
 ) -> Study:
     """Study of a sweep, with checked names, settings, and start values of the first case."""
     _check_names(cases, keep, starts)
-    single, usual = not isinstance(subject, System), None
     if not isinstance(subject, System):
-        title, connections = Path(subject).stem, ()
-        parts = {title: SystemComponent.read(title, subject, starts)}
+        document = SystemDocument.of_fmu(subject, starts)
     elif starts:
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
-        title, parts, connections, usual = subject.name, subject.filled(), subject.connections, subject.defaults
+        document = subject.document.filled()
     signals = [signal_and_kind(measure)[0] for measure in keep.values() if isinstance(measure, str)]
-    if settings.record is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
-        settings = replace(settings, record=())
-    simulation = checked_simulation(title, parts, connections, settings, single=single, also=signals, usual=usual)
+    if settings.get("record") is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
+        settings["record"] = ()
+    simulation = checked_simulation(document, stop_time, step_size, also=signals, **settings)
+    parts = document.parts
 
     def scalar(name: str) -> VariableReference:
         """Component and variable of a name; a SimulationError for an array."""
-        owner, variable = variable_reference(title, parts, "the sweep of", name, single=single)
+        owner, variable = document.reference("the sweep of", name)
         if variable not in parts[owner].fmu.variables:
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown_variable_message(variable)}")
         return owner, variable
@@ -177,7 +173,7 @@ def _checked_study(
         if parts[owner].fmu.variables[variable].type == "String":
             raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
-    study.case_components(0)  # refuses, before any simulation, names that cannot be set
+    study.case_document(0)  # refuses, before any simulation, names that cannot be set
     return study
 
 

@@ -32,8 +32,6 @@ import numpy as np
 from liaisons.base.arrays import Floats
 from liaisons.base.folders import temporary_folder
 from liaisons.base.processes import die_with_parent
-from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.instances import extract_fmus
 from liaisons.errors import SweepError
 from liaisons.sweeps.session import Task, case_simulator
 from liaisons.sweeps.study import Failure, Outcomes, Study
@@ -62,9 +60,8 @@ def simulate_locally(
     :param deliver: takes outcomes, in any order.
     :param time_limit: of a case [s].
     """
-    compiled.step_library()  # else each process would compile it
     with temporary_folder() as folder:
-        task: Task | bytes = study, extract_fmus(study.fmus(), folder), str(folder)
+        task: Task | bytes = study, study.simulation.extract(folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe
             try:
                 task = pickle.dumps(task)

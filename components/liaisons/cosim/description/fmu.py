@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Literal, final
@@ -17,11 +17,10 @@ from liaisons.base.array_names import Shape, array_and_index
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.model_description import Description, Table, parse
 from liaisons.cosim.description.terminals import Terminals, read_terminals
-from liaisons.cosim.description.variables import RECORDED, Scalar, Variables
+from liaisons.cosim.description.variables import LONGEST, RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion
 
-LONGEST = 1000
-"""Arrays with more elements are recorded only on request."""
+_MOST_STEPS = 1e12
 
 DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
@@ -38,6 +37,17 @@ class DefaultExperiment:
     stop_time: float | None = None
     step_size: float | None = None
     tolerance: float | None = None
+
+    def usable(self) -> DefaultExperiment:
+        """The experiment without a stop time or a step size that cannot be simulated."""
+        start, stop, step = self.start_time or 0.0, self.stop_time, self.step_size
+        if step is not None and not 0 < step < math.inf:
+            step = None
+        if stop is not None and not start < stop < math.inf:
+            stop = None
+        if stop is not None and step is not None and not (stop - start) / step <= _MOST_STEPS:
+            stop = step = None
+        return replace(self, stop_time=stop, step_size=step)
 
 
 @final
@@ -160,6 +170,11 @@ class Fmu:
         variable = self.variables[output]
         inputs = (self._initial if initially else self._outputs).get(variable.index)
         return inputs is None or self.variables[input_].index in inputs
+
+    def items(self, variable: str) -> Mapping[str, int]:
+        """Values of the items of a variable's enumeration type, by name; empty without such a type."""
+        description = read_description(self.path)
+        return description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
 
     def require_file(self, task: str) -> None:
         """Raise an error if the FMU is a function of Python, which has no file.
@@ -299,23 +314,8 @@ def _default_experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
     except ValueError as error:
         raise ValueError(f"DefaultExperiment: {error}") from None
     start = experiment.start_time if experiment.start_time and math.isfinite(experiment.start_time) else None
-    stop_time, step_size = usable_experiment(start or 0.0, experiment.stop_time, experiment.step_size)
     tolerance = experiment.tolerance if experiment.tolerance and 0 < experiment.tolerance < math.inf else None
-    return DefaultExperiment(start, stop_time, step_size, tolerance)
-
-
-def usable_experiment(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
-    """Stop time and step size of a default experiment, each None if it cannot be simulated."""
-    if step is not None and not 0 < step < math.inf:
-        step = None
-    if stop is not None and not start < stop < math.inf:
-        stop = None
-    if stop is not None and step is not None and not (stop - start) / step <= _MOST_STEPS:
-        return None, None
-    return stop, step
-
-
-_MOST_STEPS = 1e12
+    return replace(experiment, start_time=start, tolerance=tolerance).usable()
 
 
 def _binary_path(path: Path, archive: Archive, identifier: str, *, is_fmi_2: bool) -> str:

@@ -22,6 +22,9 @@ NUMBERS: frozenset[VariableType] = frozenset({"Real", "Integer", "Enumeration", 
 RECORDED: frozenset[VariableType] = frozenset({*NUMBERS, "String"})
 """Types that can be recorded and connected."""
 
+LONGEST = 1000
+"""Arrays with more elements are recorded only on request."""
+
 _T = TypeVar("_T")
 
 
@@ -51,6 +54,7 @@ class Scalar:
     continuous: bool = True
     shape: ClassVar[Shape] = ()
     size: ClassVar[int] = 1
+    is_long: ClassVar[bool] = False
 
     @property
     def is_structural(self) -> bool:
@@ -93,6 +97,11 @@ class Array:
     def size(self) -> int:
         """Number of elements."""
         return math.prod(self.shape)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it has more elements than :data:`LONGEST`."""
+        return self.size > LONGEST
 
     def names(self) -> Iterator[str]:
         """Names of the elements, the last index running fastest."""

@@ -132,7 +132,7 @@ def linearization(
     names = {place: name for name, place in simulation.recorded.items()}
 
     def label(place: VariableReference) -> str:
-        return names.get(place) or (place[1] if simulation.single else ".".join(place))
+        return names.get(place) or (place[1] if simulation.document.single else ".".join(place))
 
     observed = [
         (owner, name)

@@ -61,7 +61,7 @@ from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation, variable_reference, with_start_values
+from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, time_rounding
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
@@ -407,13 +407,9 @@ class Run:
 
     def _reference(self, name: str) -> VariableReference:
         """Component and variable of a name in the result or in the system."""
-        simulation = self._simulation
-        title, parts = simulation.title, simulation.parts
         if not isinstance(name, str):
             self._refuse(f"variables go by name, {shown(name)} is none")
-        return simulation.recorded.get(name) or variable_reference(
-            title, parts, "variable", name, single=simulation.single
-        )
+        return self._simulation.recorded.get(name) or self._simulation.document.reference("variable", name)
 
     def _free_input(self, name: str) -> FreeInput:
         if name not in self._free_inputs:
@@ -508,10 +504,10 @@ class Run:
             ``"component.variable"``.  ``keywords`` are further ones.
         :raises SimulationError: for an unknown name, a value that cannot be set, or an FMU that cannot go back.
         """
-        simulation = self._simulation
-        starts = merged_start_values(simulation.title, start_values, keywords)
+        document = self._simulation.document
+        starts = merged_start_values(document.name, start_values, keywords)
         self._require_states()
-        parts = with_start_values(simulation.title, simulation.parts, starts, single=simulation.single)
+        parts = document.with_start_values(starts).parts
         before, end, errors = None if self._lost else self.save(), self._end, self._errors
         try:
             self.start(parts)
@@ -741,7 +737,7 @@ class Run:
             jumping=simulation.discrete_signals,
             ports=simulation.renamed_ports,
             coupling_error=self._error,
-            scene=simulation.scene,
+            scene=simulation.document.scene,
             warnings=simulation.warnings,
         )
 

@@ -189,6 +189,12 @@ class SystemComponent:
         """Copy that interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
+    def extrapolating_copy(self) -> SystemComponent:
+        """Copy that extrapolates its inputs, if it interpolates them between values at both ends of a step."""
+        if not self.approximation.takes_end_values:
+            return self
+        return replace(self, starts={name: v for name, v in self.starts.items() if name != INPUT_RECONSTRUCTION})
+
     def isolated_copy(self, limit: float = TIME_LIMIT) -> SystemComponent:
         """Copy that runs in another process, with a time limit [s] of a call; the component itself if it does."""
         return self if self.isolated else replace(self, isolated=limit)

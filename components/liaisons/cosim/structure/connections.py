@@ -35,6 +35,35 @@ class Connection:
     target: Port
     conversion: Conversion = SAME
 
+    @classmethod
+    def between(cls, first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
+        """Connection of two scalars, in either order.
+
+        :param conversion: from output to input; if None, that of their units.
+        :raises ConnectError: if they do not fit; the message names both.
+        """
+        source, target = _source_and_target(first, second)
+        causalities = source.variable.causality, target.variable.causality
+        if causalities != ("output", "input"):
+            hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
+            raise ConnectError(
+                f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
+                f"one end must be an output, the other an input{hint}"
+            )
+        if not _is_assignable(source.variable, target.variable):
+            kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
+            raise ConnectError(
+                f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
+                "of integers, the input may have the wider range, or be a real"
+            )
+        conversion = _unit_conversion(source, target) if conversion is None else conversion
+        if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
+            raise ConnectError(
+                f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
+                f"factor of {conversion.factor:g} and an offset of {conversion.offset:g}: only reals can"
+            )
+        return cls(source, target, conversion)
+
     @property
     def is_reaction(self) -> bool:
         """Whether it feeds the force of a moved mechanism back to its mover, so that the port is bidirectional."""
@@ -68,7 +97,7 @@ def scalar_connections(first: Port, second: Port) -> list[Connection]:
     if both_exist and (first.is_array or second.is_array):
         return [connection for pair in _element_pairs(first, second) for connection in scalar_connections(*pair)]
     if both_exist and not (first.triple() and second.triple()):
-        return [scalar_connection(first, second)]
+        return [Connection.between(first, second)]
     none = TerminalDescription("")
     return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
 
@@ -123,41 +152,12 @@ def _terminal_connections(
                 if member.sums_to_zero_with(counterpart)
                 else None
             )
-            joined.append(scalar_connection(output, input_, opposite))
+            joined.append(Connection.between(output, input_, opposite))
     return joined
 
 
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
-
-
-def scalar_connection(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
-    """Connection of two scalars, in either order.
-
-    :param conversion: from output to input; if None, that of their units.
-    :raises ConnectError: if they do not fit; the message names both.
-    """
-    source, target = _source_and_target(first, second)
-    causalities = source.variable.causality, target.variable.causality
-    if causalities != ("output", "input"):
-        hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
-        raise ConnectError(
-            f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
-            f"one end must be an output, the other an input{hint}"
-        )
-    if not _is_assignable(source.variable, target.variable):
-        kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
-        raise ConnectError(
-            f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
-            "of integers, the input may have the wider range, or be a real"
-        )
-    conversion = _unit_conversion(source, target) if conversion is None else conversion
-    if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
-        raise ConnectError(
-            f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
-            f"factor of {conversion.factor:g} and an offset of {conversion.offset:g}: only reals can"
-        )
-    return Connection(source, target, conversion)
 
 
 def _is_assignable(source: Scalar, target: Scalar) -> bool:

@@ -18,6 +18,7 @@ from liaisons.base.files import replacement_path
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, feeds_of
+from liaisons.cosim.structure.document import SystemDocument
 
 _MOST = 60
 """Largest number of blocks."""
@@ -98,10 +99,11 @@ class _Block:
         return _HEAD + _LINE * max(len(self.left), len(self.right))
 
 
-def block_diagram(name: str, parts: Components, connections: Collection[Connection]) -> Diagram:
+def block_diagram(document: SystemDocument) -> Diagram:
     """Block diagram of a system, under its name."""
+    name, parts, connections = document.name, document.parts, document.connections
     forward = feeds_of(c for c in connections if not c.is_reaction)
-    groups = schedule.strong_components(parts, feeds_of(connections))
+    groups = document.graph.strong_components
     numbers = {part: number for number, group in enumerate(groups, 1) for part in group}
     drawn = schedule.execution_order(parts, forward)[:_MOST]
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]

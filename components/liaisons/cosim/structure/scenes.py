@@ -40,10 +40,11 @@ class FmuScene:
     @property
     def picture(self) -> Picture:
         """Picture of all components; of an FMU without a picture, its points."""
-        return combined_pictures(self._pictures, self.groups)
+        return combined_pictures(self.pictures, self.groups)
 
     @cached_property
-    def _pictures(self) -> Mapping[str, Picture]:
+    def pictures(self) -> Mapping[str, Picture]:
+        """Picture of each component, by the prefix of its variables."""
         return {prefix: picture_of(part) for prefix, part in self.parts.items()}
 
     def values(self, signals: Values) -> Values:
@@ -56,7 +57,7 @@ class FmuScene:
         """
         values = dict(signals)
         for prefix, part in self.parts.items():
-            missing = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in values]
+            missing = [name for name in self.pictures[prefix].variables if f"{prefix}{name}" not in values]
             recorded = {name.removeprefix(prefix): signals[name] for name in signals if name.startswith(prefix)}
             if missing:
                 values |= {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from types import NoneType
-from typing import Any, final
+from pathlib import Path
+from typing import Any, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,22 +20,21 @@ from liaisons.base.arguments import (
     float_array,
     name_dictionary,
     name_list,
-    shown,
 )
 from liaisons.base.array_names import array_and_index
 from liaisons.base.logs import collected_warnings
 from liaisons.base.memory import check_memory
 from liaisons.base.port_names import PortNames
 from liaisons.base.unit_definitions import SAME, Conversion
-from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
-from liaisons.cosim.description.start_values import start_values as checked_starts
+from liaisons.cosim.compiled import library as compiled
+from liaisons.cosim.instances import extract_fmus
 from liaisons.cosim.structure import checks
-from liaisons.cosim.structure.components import Components, SystemComponent
+from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.connections import Connection, feeds_of
-from liaisons.cosim.structure.scenes import FmuScene, connected_groups
+from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
-from liaisons.errors import InvalidValueError, SimulationError, suggestion
+from liaisons.errors import InvalidValueError
 
 _DEFAULT_TOLERANCE = 1e-8
 """Tolerance of FMUs of liaisons, where neither the user nor a file gives another."""
@@ -49,37 +48,16 @@ _FINEST_INTERFACE = 1e-13
 """Smallest interface tolerance that rounding allows."""
 
 
-@final
-@dataclass(frozen=True)
-class SimulationSettings:
-    """Settings of a simulation, which :meth:`liaisons.cosim.System.simulate` describes."""
+class Settings(TypedDict, total=False):
+    """Settings beside stop time and step size, which :meth:`liaisons.System.simulate` describes."""
 
-    stop_time: float | None = None
-    step_size: float | None = None
-    _: KW_ONLY
-    start_time: float | None = None
-    times: ArrayLike | None = None
-    tolerance: float | None = None
-    coupling: Coupling | None = None
-    error_tolerance: float | None = None
-    record: str | Iterable[str] | None = None
-    inputs: Mapping[str, Function] | None = None
-    verify: bool = False
-    progress: bool = False
-    real_time: float | None = None
-
-    def run_options(self) -> dict[str, Any]:
-        """Settings of how a simulation is run, by name; the others say what is simulated."""
-        return {name: getattr(self, name) for name in ("verify", "progress", "real_time")}
-
-    def refuse_run_options(self) -> None:
-        """Raise an error if one of :meth:`run_options` is set.
-
-        :raises SimulationError: naming it.
-        """
-        for name, value in self.run_options().items():
-            if not isinstance(value, (int, float, NoneType)) or value:
-                raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
+    start_time: float | None
+    times: ArrayLike | None
+    tolerance: float | None
+    coupling: Coupling | None
+    error_tolerance: float | None
+    record: str | Iterable[str] | None
+    inputs: Mapping[str, Function] | None
 
 
 @final
@@ -87,22 +65,20 @@ class SimulationSettings:
 class Simulation:
     """A system with complete settings; made by :func:`checked_simulation`.
 
-    :param parts: components by name, in the order of addition, with the start values that the coupling needs.
+    :param document: the system, its components with the start values that the coupling needs, its connections without
+        those of impulses.
     :param recorded: name in the result -> variable.
     :param times: communication points [s]; with steps of adapted size the start, the end of the first step, the stop.
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
     :param strong_components: those of the connection graph, in execution order.
     :param cyclic: components in cycles.
-    :param single: whether variables have no prefix in the result: those of one FMU.
     :param adapts: whether steps between the communication points are as short as the estimate of their error requires.
     :param impulses: connections of sums of impulses, which jump at events only.
     :param warnings: texts of the warnings that were logged when it was checked.
     """
 
-    title: str
-    parts: Components
-    connections: Sequence[Connection]
+    document: SystemDocument
     drives: Sequence[Drive]
     recorded: Mapping[str, VariableReference]
     times: Sequence[float]
@@ -111,10 +87,37 @@ class Simulation:
     error_tolerance: float | None
     strong_components: Sequence[Sequence[str]]
     cyclic: Collection[str]
-    single: bool = False
     adapts: bool = False
     impulses: Sequence[Connection] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Name of the system."""
+        return self.document.name
+
+    @property
+    def parts(self) -> Components:
+        """Components by name."""
+        return self.document.parts
+
+    @property
+    def connections(self) -> Sequence[Connection]:
+        """Scalar connections, without those of impulses."""
+        return self.document.connections
+
+    def with_parts(self, parts: Components) -> Simulation:
+        """Copy with other components of these names."""
+        return replace(self, document=replace(self.document, parts=parts))
+
+    def extract(self, folder: Path) -> Mapping[Path, Path]:
+        """Extract the FMUs for runs in several processes, and compile once what each of these needs.
+
+        :returns: path of an FMU -> its own folder.
+        :raises SimulationError: if a file is damaged or too big.
+        """
+        compiled.step_library()
+        return extract_fmus((part.fmu for part in self.parts.values()), folder)
 
     @cached_property
     def feeds(self) -> Feeds:
@@ -155,14 +158,6 @@ class Simulation:
         return ports
 
     @property
-    def scene(self) -> FmuScene:
-        """Picture of the system."""
-        number = {name: i for i, name in enumerate(self.parts)}
-        pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
-        parts = {"" if self.single and number[name] == 0 else f"{name}.": part for name, part in self.parts.items()}
-        return FmuScene(parts, connected_groups(len(parts), pairs))
-
-    @property
     def iterates(self) -> bool:
         """Whether the coupling repeats steps."""
         return self.coupling in checks.ITERATING
@@ -193,63 +188,66 @@ class Simulation:
 
 
 def checked_simulation(
-    title: str,
-    parts: Components,
-    connections: Sequence[Connection],
-    settings: SimulationSettings,
+    document: SystemDocument,
+    stop_time: float | None = None,
+    step_size: float | None = None,
     *,
-    single: bool = False,
+    start_time: float | None = None,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
+    record: str | Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
     also: Iterable[str] = (),
     endless: bool = False,
-    usual: DefaultExperiment | None = None,
 ) -> Simulation:
-    """Simulation of a system, with checked and complete settings.
+    """Simulation of a system, with checked and complete settings, which :meth:`liaisons.System.simulate` describes.
 
-    :param single: whether the simulation is of the first FMU alone, whose variables have no prefix and whose default
-        experiment counts; the others are its operators.
+    Of a single FMU the default experiment counts, and of a system that of the document before those of its FMUs.
+
     :param also: further names that are recorded.
     :param endless: whether a simulation without a stop time has no end, as that of a run step by step.
-    :param usual: experiment of the system, before those of its FMUs.
     :raises SimulationError: for a bad setting.
     """
-    recorded = _recorded_variables(title, parts, settings.record, also, single=single)
-    fmus = [part.fmu for part in parts.values()][: 1 if single else None]
-    last = fmus[0].experiment.stop_time if single else None
-    own = usual or DefaultExperiment(stop_time=last)
-    usual = _first_given(own, common_experiment(fmus))
-    points = _communication_points(title, fmus, settings, len(recorded), usual=usual, single=single, endless=endless)
-    tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
+    document.filled()
+    parts, single = document.parts, document.single
+    recorded = _recorded_variables(document, record, also)
+    if times is not None:
+        if error_tolerance is not None:
+            raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
+        if start_time or stop_time is not None or step_size is not None:
+            raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
+        points: Sequence[float] = _checked_times(times)
+    else:
+        span = _span(document, start_time, stop_time, step_size, endless=endless)
+        points = _communication_points(*span, len(recorded), adaptive=error_tolerance is not None, endless=endless)
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    functions = name_dictionary("inputs", {} if settings.inputs is None else settings.inputs)
+    functions = name_dictionary("inputs", {} if inputs is None else inputs)
     driving = drives(
-        {
-            variable_reference(title, parts, "input", name, single=single): function
-            for name, function in functions.items()
-        },
+        {document.reference("input", name): function for name, function in functions.items()},
         parts,
         points[0],
     )
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
-    impulses = [connection for connection in connections if connection.is_impulse]
-    connections = [connection for connection in connections if not connection.is_impulse]
+    impulses = [connection for connection in document.connections if connection.is_impulse]
+    connections = [connection for connection in document.connections if not connection.is_impulse]
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
-        chosen = checks.choose_coupling(graph, settings.coupling)
+        chosen = checks.choose_coupling(graph, coupling)
         checks.check_signals(connections, chosen)
         parts = checks.prepare_components(graph, chosen)
         some = points[:2] if isinstance(points, EndlessTimes) else points
         checks.check_steps(parts, graph, some, chosen, adaptive=error_tolerance is not None)
         checks.check_input_sources(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
-    asked = (settings.step_size, own.step_size, settings.times, error_tolerance)
+    asked = (step_size, document.experiment.step_size, times, error_tolerance)
     chooses = all(one is None for one in asked) and not single and not endless
     return Simulation(
-        title,
-        parts,
-        connections,
+        replace(document, parts=parts, connections=connections),
         driving,
         recorded,
         points,
@@ -258,66 +256,59 @@ def checked_simulation(
         error_tolerance,
         graph.strong_components,
         graph.cyclic,
-        single=single,
         adapts=chooses and free and chosen in checks.ITERATING and not impulses,
         impulses=impulses,
         warnings=warned.texts,
     )
 
 
-def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
-    """Default experiment of several FMUs: start of all, or 0 if they differ; latest stop; shortest step size."""
-    experiments = [fmu.experiment for fmu in fmus]
-    starts = {experiment.start_time or 0.0 for experiment in experiments}
-    stops = [stop for experiment in experiments if (stop := experiment.stop_time) is not None]
-    steps = [step for experiment in experiments if (step := experiment.step_size) is not None]
-    start = starts.pop() if len(starts) == 1 else 0.0
-    return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
-
-
-def _first_given(own: DefaultExperiment, common: DefaultExperiment) -> DefaultExperiment:
-    """The experiment of a system, its start and step size from those of its FMUs where it has none."""
-    start = common.start_time if own.start_time is None else own.start_time
-    return DefaultExperiment(start, own.stop_time, common.step_size if own.step_size is None else own.step_size)
-
-
-def _communication_points(
-    title: str,
-    fmus: Sequence[Fmu],
-    settings: SimulationSettings,
-    signals: int,
+def _span(
+    document: SystemDocument,
+    start: float | None,
+    stop: float | None,
+    step: float | None,
     *,
-    usual: DefaultExperiment,
-    single: bool,
     endless: bool,
-) -> Sequence[float]:
-    """Communication points [s], from the settings, else from the default experiments.
-
-    With steps of adapted size these are the start, the end of the first step, and the stop.
-
-    :param signals: number of recorded signals.
-    """
-    adaptive = settings.error_tolerance is not None
-    if settings.times is not None:
-        if adaptive:
-            raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
-        return _checked_times(settings.times, settings)
-    start, stop, step = settings.start_time, settings.stop_time, settings.step_size
+) -> tuple[float, float | None, float | None]:
+    """Start time, stop time and step size [s], from the settings, else from the default experiments; None: missing."""
+    parts, single = list(document.parts.values()), document.single
+    own = document.experiment
+    usual = (replace(document, parts={parts[0].name: parts[0]}) if single else document).common_experiment
     endless = endless and stop is None
-    start = (usual.start_time or 0.0) if start is None else start
-    stop = usual.stop_time if stop is None and not endless else stop
-    step = usual.step_size if step is None else step
-    if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
+    usual_start = usual.start_time if own.start_time is None else own.start_time
+    start = (usual_start or 0.0) if start is None else start
+    stop = own.stop_time if stop is None and not endless else stop
+    if step is None:
+        step = usual.step_size if own.step_size is None else own.step_size
+    if step is None and stop is not None and (parts[0].fmu.is_model_exchange or not single):
         check_finite("stop_time", stop)
         check_finite("start_time", start)
         step = (stop - start) / _POINTS
     missing = "stop_time" if stop is None and not endless else "step_size" if step is None else ""
     if single and missing:
-        raise InvalidValueError(f"{title}.fmu has no default {missing}: give one")
+        raise InvalidValueError(f"{document.name}.fmu has no default {missing}: give one")
+    return start, stop, step
+
+
+def _communication_points(
+    start: float,
+    stop: float | None,
+    step: float | None,
+    signals: int,
+    *,
+    adaptive: bool,
+    endless: bool,
+) -> Sequence[float]:
+    """Communication points [s].
+
+    With steps of adapted size these are the start, the end of the first step, and the stop.
+
+    :param signals: number of recorded signals.
+    """
     if adaptive:
         stop, step = checked_stop_and_step(start, stop, step)
         return [float(start), float(min(start + step, stop)), float(stop)]
-    if not endless:
+    if not endless or stop is not None:
         return communication_points(start, stop, step, signals=signals)
     if step is None:
         raise InvalidValueError("give step_size, the distance of the communication points")
@@ -343,51 +334,18 @@ class EndlessTimes(Sequence[float]):
         return math.inf if index == -1 else self.start_time + index * self.step_size
 
 
-def variable_reference(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
-    """Component and variable for a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
-
-    :param label: kind of the name, for messages.
-    :raises SimulationError: if there is no such component; the variable is not checked.
-    """
-    if single:
-        return next(iter(parts)), name
-    owner, _, variable = name.partition(".")
-    if owner not in parts:
-        raise SimulationError(f"{label} {name!r}: {title} has no component {owner!r}{suggestion(owner, parts)}")
-    return owner, variable
-
-
-def with_start_values(
-    title: str, parts: Components, start_values: Mapping[str, object], *, single: bool = False
-) -> dict[str, SystemComponent]:
-    """Components with some other start values.
-
-    :param start_values: new start values by name.
-    :raises SimulationError: for an unknown name, or a value that it cannot have.
-    """
-    own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in parts.items()}
-    for name, value in name_dictionary(f"{title}: start_values", start_values).items():
-        owner, variable = variable_reference(title, parts, "start value", name, single=single)
-        own[owner][variable] = value
-    return {name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts.items()}
-
-
 def _recorded_variables(
-    title: str,
-    parts: Components,
-    record: str | Iterable[str] | None,
-    also: Iterable[str],
-    *,
-    single: bool,
+    document: SystemDocument, record: str | Iterable[str] | None, also: Iterable[str]
 ) -> dict[str, VariableReference]:
     """Name in the result -> recorded variable; an array is recorded element by element."""
+    parts, single = document.parts, document.single
     names = [] if record is None else name_list("record", record)
     all_of = () if record is not None else [next(iter(parts))] if single else parts
     variables = [
         (name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].transferable_types)
     ]
     for full in (*names, *also):
-        owner, name = variable_reference(title, parts, "record", full, single=single)
+        owner, name = document.reference("record", full)
         variables += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
     return {variable[1] if single else ".".join(variable): variable for variable in variables}
 
@@ -409,10 +367,8 @@ def communication_points(
     return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
 
 
-def _checked_times(times: ArrayLike, settings: SimulationSettings) -> list[float]:
+def _checked_times(times: ArrayLike) -> list[float]:
     """Communication points that the user gives [s]; those that differ by rounding are one."""
-    if settings.start_time or settings.stop_time is not None or settings.step_size is not None:
-        raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = float_array("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
         raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")

@@ -1,0 +1,120 @@
+"""A system as data: components, connections and experiment; runs, archives, live pages, sweeps and diagrams read it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import final
+
+from liaisons.base.arguments import as_path, name_dictionary
+from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim.description.start_values import start_values as checked_starts
+from liaisons.cosim.structure.checks import ConnectionGraph
+from liaisons.cosim.structure.components import Components, SystemComponent
+from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.scenes import FmuScene, connected_groups
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.errors import SimulationError, suggestion
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SystemDocument:
+    """A system as data, which can be pickled; ``system.document`` is one.
+
+    :param name: used in messages, results and figures.
+    :param parts: components by name, in the order of addition.
+    :param connections: scalar connections, in the order of addition.
+    :param experiment: start, stop and step size, where a run is given none.
+    :param single: whether variables of the first FMU have no prefix; the others are its operators.
+    :param files: keeps temporary files of an archive, which are removed with it.
+    """
+
+    name: str
+    parts: Components
+    connections: Sequence[Connection] = ()
+    experiment: DefaultExperiment = field(default_factory=DefaultExperiment)
+    single: bool = False
+    files: object = None
+
+    @classmethod
+    def of_fmu(
+        cls, fmu: Path | str, starts: Mapping[str, object] | None = None, *, isolated: bool | float = False
+    ) -> SystemDocument:
+        """System of one FMU, under the name of its file.
+
+        :raises SimulationError: if the file cannot be used here, or a start value does not fit.
+        """
+        name = as_path("fmu", fmu).stem
+        part = SystemComponent.read(name, fmu, starts or {}, isolated=isolated)
+        return cls(
+            name, {name: part}, experiment=DefaultExperiment(stop_time=part.fmu.experiment.stop_time), single=True
+        )
+
+    @cached_property
+    def graph(self) -> ConnectionGraph:
+        """Graph of the connections: what feeds what, in which order, with which cycles."""
+        return ConnectionGraph(self.parts, self.connections, ())
+
+    @property
+    def common_experiment(self) -> DefaultExperiment:
+        """Default experiment of the FMUs: start of all, or 0 if they differ; latest stop; shortest step size."""
+        experiments = [part.fmu.experiment for part in self.parts.values()]
+        starts = {experiment.start_time or 0.0 for experiment in experiments}
+        stops = [stop for experiment in experiments if (stop := experiment.stop_time) is not None]
+        steps = [step for experiment in experiments if (step := experiment.step_size) is not None]
+        start = starts.pop() if len(starts) == 1 else 0.0
+        return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
+
+    @property
+    def prefixes(self) -> dict[str, str]:
+        """Name of each component -> what its variables have before their names in results, ``"swing."``."""
+        first = next(iter(self.parts), None)
+        return {name: "" if self.single and name == first else f"{name}." for name in self.parts}
+
+    @property
+    def scene(self) -> FmuScene:
+        """Picture of the system."""
+        number, prefixes = {name: i for i, name in enumerate(self.parts)}, self.prefixes
+        pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
+        parts = {prefixes[name]: part for name, part in self.parts.items()}
+        return FmuScene(parts, connected_groups(len(parts), pairs))
+
+    def filled(self) -> SystemDocument:
+        """The document itself.
+
+        :raises SimulationError: if it has no components.
+        """
+        if not self.parts:
+            raise SimulationError(f"{self.name} is empty; add() an FMU first")
+        return self
+
+    def reference(self, label: str, name: str) -> VariableReference:
+        """Component and variable for a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
+
+        :param label: kind of the name, for messages.
+        :raises SimulationError: if there is no such component; the variable is not checked.
+        """
+        if self.single:
+            return next(iter(self.parts)), name
+        owner, _, variable = name.partition(".")
+        if owner not in self.parts:
+            raise SimulationError(
+                f"{label} {name!r}: {self.name} has no component {owner!r}{suggestion(owner, self.parts)}"
+            )
+        return owner, variable
+
+    def with_start_values(self, start_values: Mapping[str, object]) -> SystemDocument:
+        """Copy with some other start values.
+
+        :param start_values: new start values by name.
+        :raises SimulationError: for an unknown name, or a value that it cannot have.
+        """
+        own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in self.parts.items()}
+        for name, value in name_dictionary(f"{self.name}: start_values", start_values).items():
+            owner, variable = self.reference("start value", name)
+            own[owner][variable] = value
+        parts = {n: replace(part, starts=checked_starts(n, part.fmu, own[n])) for n, part in self.parts.items()}
+        return replace(self, parts=parts)
