@@ -35,7 +35,7 @@ from liaisons import System, fmu_path
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.schedule import Coupling
-from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
+from liaisons.cosim.structure.simulation import checked_simulation
 
 H = 0.001
 TRIPLE = ("", "_dot", "_ddot")
@@ -84,9 +84,7 @@ def _loop(
     system: System, steps: int, coupling: Coupling, stack: ExitStack, record: Sequence[str] | None = None
 ) -> Seconds:
     """A function that runs a system from its start, and returns seconds a step: of the loop alone."""
-    parts, connections = system.filled(), system.connections
-    settings = SimulationSettings(stop_time=steps * H, step_size=H, coupling=coupling, record=record)
-    simulation = checked_simulation(system.name, parts, connections, settings)
+    simulation = checked_simulation(system.document, steps * H, H, coupling=coupling, record=record)
     run = stack.enter_context(Run(simulation, again=True))
 
     def seconds() -> float:

@@ -19,7 +19,7 @@ from _measure import Row, command, interleaved
 from liaisons.cosim import System
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.schedule import Coupling
-from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
+from liaisons.cosim.structure.simulation import checked_simulation
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, Sinusoid
@@ -61,8 +61,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
 
 def _seconds(system: System, steps: int, coupling: Coupling) -> float:
     """Of the steps alone, by the clock on the wall."""
-    settings = SimulationSettings(stop_time=steps * H, step_size=H, coupling=coupling)
-    simulation = checked_simulation(system.name, system.parts, system.connections, settings)
+    simulation = checked_simulation(system.document, steps * H, H, coupling=coupling)
     with Run(simulation) as run:
         run.start()
         begin = time.perf_counter()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -17,9 +17,7 @@ from schemas import validated
 import liaisons
 from liaisons import System
 from liaisons.base.project import scenario_files
-from liaisons.cosim import SystemComponent
-from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.simulation import SimulationSettings, checked_simulation
+from liaisons.cosim import SystemDocument, checked_simulation
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 
@@ -118,21 +116,10 @@ class _FoundError(Exception):
 def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) -> Callable[[str], System]:
     """The first system that a scenario simulates."""
 
-    def stop(
-        title: str,
-        parts: Mapping[str, SystemComponent],
-        connections: Sequence[Connection],
-        settings: SimulationSettings,
-        *,
-        single: bool = False,
-        **options: Any,
-    ) -> object:
-        if single and len(parts) == 1:
-            return checked_simulation(title, parts, (), settings, single=True, **options)
-        system = System(title)
-        system._parts.update(parts)
-        system.join(connections)
-        raise _FoundError(system)
+    def stop(document: SystemDocument, *span: float | None, **options: Any) -> object:
+        if document.single and len(document.parts) == 1:
+            return checked_simulation(document, *span, **options)
+        raise _FoundError(System.from_document(document))
 
     def stop_sweep(system: System, *_: object, **__: object) -> None:
         raise _FoundError(system)

@@ -21,7 +21,7 @@ import pytest
 from liaisons import Coordinate, Mechanism, Parameter, System, operator, show, tabulated
 from liaisons.base import compiler
 from liaisons.base.unit_definitions import Conversion
-from liaisons.cosim.structure.connections import scalar_connection
+from liaisons.cosim import Connection
 from liaisons.errors import BuildError, SimulationError
 from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
@@ -647,7 +647,7 @@ def test_what_is_converted_on_its_way(opened: Opened, fmu: Fmu) -> None:
     motor = system.add("motor", fmu(catalogue()["Sinusoid"]), offset=0.2, amplitude=0.05, angular_frequency=5.0)
     swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5)
     system.join(
-        scalar_connection(motor[f"y{rate}"], swing[f"length{rate}"], Conversion(2.0, 0.0 if rate else 0.7))
+        Connection.between(motor[f"y{rate}"], swing[f"length{rate}"], Conversion(2.0, 0.0 if rate else 0.7))
         for rate in ("", "_dot", "_ddot")
     )
     with opened(system) as live:
