@@ -25,12 +25,13 @@ from sphinx.errors import ExtensionError
 from sphinx.util.display import status_iterator
 
 from liaisons import Result, show
-from liaisons.base.project import load_module, read_gallery, scenario_files
+from liaisons.base.project import load_module
 from liaisons.cosim import system
 from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_page
+from liaisons.scenario_files import read_gallery, scenario_files
 from liaisons.scenarios import execute, load
 
 TITLES: dict[str, str] = read_gallery()["titles"]

@@ -18,11 +18,12 @@ from sphinx import addnodes
 
 import liaisons
 from liaisons import analysis, language, mechanics, models
-from liaisons.base.project import load_module, read_gallery, scenario_files
+from liaisons.base.project import load_module
 from liaisons.companion import TITLES, Entry, entries, sections
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
+from liaisons.scenario_files import read_gallery, scenario_files
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

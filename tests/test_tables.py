@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from liaisons import System, simulate
-from liaisons.base.tables import read_table, table_of
+from liaisons.base.tables import read_table
 from liaisons.base.units import size_in_si
 from liaisons.check import compare
 from liaisons.cli._inputs import _checked_columns, _input_table
 from liaisons.errors import IdentificationError, SimulationError, ValidityError
-from liaisons.identification.measurements import measurements
+from liaisons.identification.measurements import measurements, table_of
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 from liaisons.results import Result

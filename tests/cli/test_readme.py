@@ -14,10 +14,10 @@ import pytest
 import typer.main
 from PIL import Image
 
-from liaisons.base.project import scenario_files
 from liaisons.cli import main as command_line
 from liaisons.cli._command import application
 from liaisons.models import Pendulum
+from liaisons.scenario_files import scenario_files
 from liaisons.scenarios import names
 
 from . import documents
@@ -163,7 +163,7 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     (shipped / "gallery.toml").write_text("[themes]\n")
     (own / "twice.py").write_text(scenario)
     for name in ("_OURS", "_SHIPPED"):
-        monkeypatch.setattr(f"liaisons.base.project.{name}", shipped)
+        monkeypatch.setattr(f"liaisons.scenario_files.{name}", shipped)
     assert names() == ["theirs", "twice"]
     reply = liaisons("run", "--all")
     assert reply.status == 0, reply.out + reply.err

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.base.project import read_gallery
+from liaisons.scenario_files import read_gallery
 from liaisons.scenarios import names
 
 from .conftest import COMMAND, Cli, Runs, begun, is_misuse

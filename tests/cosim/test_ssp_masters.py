@@ -16,8 +16,8 @@ from schemas import validated
 
 import liaisons
 from liaisons import System
-from liaisons.base.project import scenario_files
 from liaisons.cosim import SystemDocument, checked_simulation
+from liaisons.scenario_files import scenario_files
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 

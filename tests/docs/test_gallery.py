@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from liaisons.base import compiler
-from liaisons.base.project import load_module, scenario_files
+from liaisons.base.project import load_module
+from liaisons.scenario_files import scenario_files
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -10,9 +10,10 @@ import pytest
 
 import liaisons
 from liaisons import analysis
-from liaisons.base.project import load_module, scenario_files
+from liaisons.base.project import load_module
 from liaisons.companion import entries
 from liaisons.library import catalogue
+from liaisons.scenario_files import scenario_files
 
 
 @pytest.fixture(scope="module")

@@ -7,18 +7,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Sequence
 
 Shape = tuple[int, ...]
 
 _INDEX = "(?:0|[1-9][0-9]{0,18})"
 _ELEMENT = re.compile(rf"(.+)\[({_INDEX}(?:,{_INDEX})*)\]", re.DOTALL)
-
-
-def element_indices(shape: Shape) -> Iterator[str]:
-    """Yield the indices of all elements of an array: ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, row by row."""
-    return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
 
 
 def array_and_index(name: str) -> tuple[str, Shape | None]:

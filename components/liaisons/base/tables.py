@@ -12,7 +12,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -158,23 +157,6 @@ def read_table(path: Path, error: type[LiaisonsError], title: str = "") -> Table
 def is_estimate(name: str, known: Collection[str]) -> bool:
     """Whether a column is an estimate of errors that stands in a result, and no variable."""
     return name not in known and (name == COUPLING_ERROR or name.startswith(ERROR_OF))
-
-
-def table_of(
-    columns: Any, error: type[LiaisonsError], units: Mapping[str, str] = MappingProxyType({}), title: str = "data"
-) -> Table:
-    """Table of a mapping of names to arrays of one length, or of a data frame.
-
-    :raises TypeError: if it is none.
-    :raises ValueError: if it is none.
-    """
-    if hasattr(columns, "iloc"):  # a data frame of pandas
-        units, title = columns.attrs.get("units", {}), columns.attrs.get("title", title)
-        columns = columns.reset_index() if any(columns.index.names) else columns
-    arrays = {str(name): np.asarray(array) for name, array in dict(columns).items()}
-    (count,) = {len(array) for array in arrays.values()}
-    rows = [f"row {row}" for row in range(count)]
-    return Table(title, tuple(arrays), tuple(units.get(name, "") for name in arrays), (*arrays.values(),), rows, error)
 
 
 def import_optional(purpose: str, package: str, extra: str, error: type[LiaisonsError], *modules: str) -> list[Any]:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from liaisons.base.files import check_writable
-from liaisons.base.project import scenario_claim, scenario_files, scenario_themes
 from liaisons.base.version import __version__
 from liaisons.errors import SimulationError
 from liaisons.library import component_names, components, is_robot, variables
+from liaisons.scenario_files import scenario_claim, scenario_files, scenario_themes
 
 if TYPE_CHECKING:
     from liaisons import Verdict

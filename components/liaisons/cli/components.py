@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -17,7 +18,7 @@ import typer
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
-from liaisons.base.project import declared_components, fmus_directory, relative_to_working_directory
+from liaisons.base.project import fmus_directory, relative_to_working_directory
 from liaisons.base.published import own_components, published_components, publishers
 from liaisons.cli._command import (
     BalanceInertia,
@@ -32,7 +33,7 @@ from liaisons.cli._command import (
     print_table,
     subject_argument,
 )
-from liaisons.errors import BackEndError, LiaisonsError
+from liaisons.errors import BackEndError, LiaisonsError, ProjectError
 from liaisons.library import build_versions, reserve_fmu
 from liaisons.library import components as find
 
@@ -235,3 +236,18 @@ def _component_row(component: type[Component]) -> dict[str, str]:
         "active": ", ".join(c.name for c in moving.actives) or "-" if moving else "-",
         "what it is": component.summary(),
     }
+
+
+def declared_components() -> list[str] | None:
+    """Components that ``fmus/fmus.toml`` lists, paths relative to it; None if there is no such file.
+
+    :raises ProjectError: if it has no such list.
+    """
+    declaration = Path("fmus", "fmus.toml")
+    try:
+        declared = tomllib.loads(declaration.read_text(encoding="utf-8"))["components"]
+        return [str(declaration.parent / name) if name.endswith(".py") else name for name in declared]
+    except FileNotFoundError:
+        return None
+    except (tomllib.TOMLDecodeError, KeyError, AttributeError, TypeError) as error:
+        raise ProjectError(f'{declaration}: {error}; write components = ["Pendulum", ...]') from None

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from liaisons.base.project import ProjectError, relative_to_working_directory, scenario_files, scenario_themes
+from liaisons.base.project import ProjectError, relative_to_working_directory
 from liaisons.cli._command import command, flag, option, print_scenarios, print_table
 from liaisons.cli._texts import requested_scenarios
 from liaisons.errors import suggestion
+from liaisons.scenario_files import scenario_files, scenario_themes
 
 
 @command("""

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import final
+from types import MappingProxyType
+from typing import Any, final
 
 import numpy as np
 from scipy.interpolate import PPoly, make_lsq_spline
@@ -16,8 +17,8 @@ from liaisons.base.arguments import check_positive, float_array, name_dictionary
 from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.base.logs import logger
-from liaisons.base.tables import Table, is_estimate, read_table, table_of
-from liaisons.errors import IdentificationError, suggestion
+from liaisons.base.tables import Table, is_estimate, read_table
+from liaisons.errors import IdentificationError, LiaisonsError, suggestion
 from liaisons.identification.determinacy import Floats
 from liaisons.mechanics.model import Model
 from liaisons.results import Result
@@ -263,3 +264,20 @@ def _read_table(data: object, known: Collection[str]) -> Table:
     except (TypeError, ValueError):
         words = "give a path, a Result, a mapping of arrays of one length, or a list of these"
         raise IdentificationError(f"data = {shown(data)}: {words}") from None
+
+
+def table_of(
+    columns: Any, error: type[LiaisonsError], units: Mapping[str, str] = MappingProxyType({}), title: str = "data"
+) -> Table:
+    """Table of a mapping of names to arrays of one length, or of a data frame.
+
+    :raises TypeError: if it is none.
+    :raises ValueError: if it is none.
+    """
+    if hasattr(columns, "iloc"):  # a data frame of pandas
+        units, title = columns.attrs.get("units", {}), columns.attrs.get("title", title)
+        columns = columns.reset_index() if any(columns.index.names) else columns
+    arrays = {str(name): np.asarray(array) for name, array in dict(columns).items()}
+    (count,) = {len(array) for array in arrays.values()}
+    rows = [f"row {row}" for row in range(count)]
+    return Table(title, tuple(arrays), tuple(units.get(name, "") for name in arrays), (*arrays.values(),), rows, error)

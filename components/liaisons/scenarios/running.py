@@ -11,15 +11,10 @@ from pathlib import Path
 from typing import final
 
 from liaisons.base.arguments import shown
-from liaisons.base.project import (
-    ProjectError,
-    figures_directory,
-    load_module,
-    relative_to_working_directory,
-    scenario_files,
-)
+from liaisons.base.project import ProjectError, load_module, relative_to_working_directory
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
+from liaisons.scenario_files import figures_directory, scenario_files
 from liaisons.scenarios.claims import Claims
 from liaisons.scenarios.drawing import save
 

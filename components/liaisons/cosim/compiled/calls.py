@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, final
 
-from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.structures import Record, structure_fields
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import CDLL
 from pathlib import Path
 
-from liaisons.base.libraries import cached_library
+from liaisons.cosim.compiled.cached import cached_library
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
 """Sources of communication steps; Python, too, can make those of explicit coupling, to the same bits."""

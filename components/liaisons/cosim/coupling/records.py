@@ -7,8 +7,8 @@ from ctypes import Array
 from functools import partial
 from typing import final
 
-from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.compiled.calls import HEADER, Call, CallRecord
+from liaisons.cosim.structures import Record, structure_fields
 
 AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
 """How inputs move within a step."""

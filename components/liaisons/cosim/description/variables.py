@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import ClassVar, Literal, TypeVar, final
 
-from liaisons.base.array_names import Shape, array_and_index, element_indices, element_offset
+from liaisons.base.array_names import Shape, array_and_index, element_offset
 
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 
@@ -166,3 +167,8 @@ class Variables(Mapping[str, Scalar]):
 def _element_value(values: Sequence[_T], position: int) -> _T:
     """Value for one element of an array, from one value for each or one for all."""
     return values[position if len(values) > 1 else 0]
+
+
+def element_indices(shape: Shape) -> Iterator[str]:
+    """Yield the indices of all elements of an array: ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, row by row."""
+    return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))

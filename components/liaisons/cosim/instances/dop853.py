@@ -14,10 +14,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.libraries import cached_library
-from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
+from liaisons.cosim.compiled.cached import cached_library
 from liaisons.cosim.compiled.calls import HEADER, Call
+from liaisons.cosim.structures import Record, structure_fields
 from liaisons.errors import RefusedError
 
 

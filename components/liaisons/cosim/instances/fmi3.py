@@ -16,7 +16,6 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from liaisons.base.structures import Record, structure_fields
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description.fmu import Fmu
@@ -30,6 +29,7 @@ from liaisons.cosim.instances.buffer_layouts import (
 from liaisons.cosim.instances.loading import FMU3CoSimulation
 from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD
+from liaisons.cosim.structures import Record, structure_fields
 from liaisons.errors import SimulationError
 
 
