@@ -10,6 +10,8 @@ from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
 from .check.invariants import check_fmu as check_fmu
+from .contacts import dry_friction as dry_friction
+from .contacts import unilateral as unilateral
 from .cosim import Signal as Signal
 from .cosim import read_result as read_result
 from .cosim import sampled as sampled
@@ -65,14 +67,12 @@ from .language import calculated as calculated
 from .language import circle as circle
 from .language import closed_form as closed_form
 from .language import constraint as constraint
-from .language import dry_friction as dry_friction
 from .language import non_holonomic as non_holonomic
 from .language import output as output
 from .language import point as point
 from .language import rheonomic_constraint as rheonomic_constraint
 from .language import turned as turned
 from .language import unchecked as unchecked
-from .language import unilateral as unilateral
 from .library import build as build
 from .library import derive as derive
 from .library import fmu_path as fmu_path

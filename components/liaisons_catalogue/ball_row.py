@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Mechanism, Parameter, Size, unilateral
+from liaisons.contacts import unilateral
+from liaisons.language import Coordinate, Mechanism, Parameter, Size
 from liaisons.language.shapes import Ball, Flash, Shapes
 
 ROW = (0.0, *(1.0 + 0.1 * i for i in range(64)))

@@ -3,7 +3,8 @@
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, point, unilateral
+from liaisons.contacts import unilateral
+from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, point
 from liaisons.language.shapes import Ball, Shapes, Trail, circle
 
 _START = 0.1  # rad, angle of the start from the top

@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, unilateral
+from liaisons.contacts import unilateral
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter
 from liaisons.language.shapes import Ball, Flash, Floor, Shapes
 
 

@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, dry_friction
+from liaisons.contacts import dry_friction
+from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter
 from liaisons.language.shapes import Box, Floor, Shapes, Spring, turned
 
 

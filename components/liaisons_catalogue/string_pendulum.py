@@ -3,7 +3,8 @@
 import casadi as ca
 import numpy as np
 
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point, unilateral
+from liaisons.contacts import unilateral
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point
 from liaisons.language.shapes import Ball, Flash, Rope, Shapes, Trail
 
 _START = 0.1  # rad, angle of the string from the downward vertical

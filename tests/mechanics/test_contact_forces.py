@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from liaisons.mechanics.contact_forces import Compliance, orthonormal_columns, solve_without_pivoting
+from liaisons.contacts.forces import Compliance, orthonormal_columns, solve_without_pivoting
 
 GAPS, FRICTIONS = 5, 3
 NORMALS = [*[-1] * GAPS, 2, 0, -1]

@@ -23,15 +23,15 @@ from liaisons.chains.sweeps import (
     mass_matrix_diagonal,
     momenta,
 )
+from liaisons.contacts import contacts_of
 from liaisons.language import Variable
 from liaisons.mechanics import (
     MEMORY,
     SIGNATURES,
     Contact,
-    ContactModes,
     Model,
+    contact_functions,
     contact_outputs,
-    contacts_of,
     declared_fields,
     mechanical_outputs,
     memory_names,
@@ -150,7 +150,15 @@ def _unrolled_functions(
         returned = values(program, SIGNATURES[name].arguments + "x")
         results[name] = tuple(returned) if len(returned) > 1 else returned[0]
     columns = {name: values(program, rows)[0] for name, program in numbers.items()}
-    return ContactModes(contacts, vectors, results, columns, layout, memory_names(layout), ()).functions()
+    return contact_functions(
+        contacts,
+        vectors=vectors,
+        forced=results,
+        numbers=columns,
+        layout=layout,
+        memory=memory_names(layout),
+        condition_texts=(),
+    )
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:

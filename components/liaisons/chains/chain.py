@@ -21,7 +21,6 @@ from liaisons.language import (
     Size,
     calculated,
     call,
-    check_contacts,
     declarations_of,
     point,
 )
@@ -122,7 +121,7 @@ class Chain(MechanicalComponent, abstract=True):
         formulas("friction_coefficient", parameters, "1/s")
         for name in ("dissipation_function", "bond_dissipation"):
             formulas(name, motion, "W")
-        check_contacts(self, formulas, link, motion, q=self.q, q_dot=self.q_dot)
+        self.check_contacts(formulas, link, motion, (self.q, self.q_dot))
         for item in self.calculated_parameters:
             formulas(item.name, parameters, item.unit)
         joint = {f"joint_{axis}": unit for axis, unit in axes.items()}

@@ -6,7 +6,8 @@ from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
 from liaisons.chains.rows import Step, Sum, Vector, carry
 from liaisons.chains.sweeps import Base, ChainLink, LinkMotion
-from liaisons.mechanics import CONTACT_NUMBERS, contact_thresholds
+from liaisons.contacts import contact_thresholds
+from liaisons.mechanics import CONTACT_NUMBERS
 
 
 def link_contact_numbers(

@@ -4,7 +4,8 @@ import casadi as ca
 
 from liaisons.algebra import stack
 from liaisons.chains.chain import Chain
-from liaisons.mechanics import Equation, dissipation_equation, friction_equations, row_equations
+from liaisons.contacts import friction_equations
+from liaisons.mechanics import Equation, dissipation_equation, row_equations
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from liaisons.algebra import closure, stack
 from liaisons.base.arguments import name_dictionary
+from liaisons.contacts import Compliance
 from liaisons.cosim import System
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
-from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact, Model, Reach, refuse_contacts, refuse_samples
-from liaisons.mechanics.unilateral import impulsive_operators
 
 Floats = NDArray[np.float64]
 Expressions = dict[str, ca.SX]
@@ -358,7 +357,7 @@ def _impact_loss_name(contact: Contact) -> str:
 def _impulse_sum_names(model: Model) -> list[str]:
     """Names of the sums to which impacts add: impulses of contacts and of operators, and dissipated energies."""
     impulses = [c.variable("impulse") for c in model.contacts if not c.friction]
-    operators = [f"{name}_impulse" for name in impulsive_operators(model)]
+    operators = [f"{name}_impulse" for name in model.impulsive_operators]
     return [*impulses, *operators, *dict.fromkeys(map(_impact_loss_name, model.contacts))]
 
 

@@ -25,7 +25,7 @@ from liaisons.fmu.jumps import jump_flags
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, memory_index, scalar_count, start_rates
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
-from liaisons.mechanics import BOOKED, SIGNATURES, Model, impulsive_operators
+from liaisons.mechanics import BOOKED, SIGNATURES, Model
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -483,7 +483,7 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
     yield _Table("gap", "gaps", "Gap", gap_rows)
     yield _Table("friction", "frictions", "DryFriction", friction_rows)
     yield _Table(
-        "operator", "operators", "size_t", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]
+        "operator", "operators", "size_t", [str(slot[f"{name}_impulse"]) for name in model.impulsive_operators]
     )
     yield _Table("indicator", "indicators", "size_t", [str(first + index[name]) for name in model.flat().indicators])
 

@@ -8,7 +8,6 @@ from typing import Any
 from liaisons.language.checks import Formulas, call, declarations_of, reject_clashes, shapes_of
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component, DeclarationsOf, SignalComponent, elements_of
-from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
     ContactFormula,
@@ -29,15 +28,13 @@ from liaisons.language.declarations import (
     calculated,
     constraint,
     declare,
-    dry_friction,
     non_holonomic,
     output,
     point,
     rheonomic_constraint,
     unchecked,
-    unilateral,
 )
-from liaisons.language.layout import Layout
+from liaisons.language.layout import Layout, event_output, readable
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.mechanism import Mechanism, is_positive_definite
 from liaisons.language.operator import Operator
@@ -121,28 +118,29 @@ __all__ = [
     "assertion",
     "calculated",
     "call",
-    "check_contacts",
     "circle",
     "closed_form",
     "constraint",
     "declarations_of",
     "declare",
-    "dry_friction",
     "element",
     "elements_of",
+    "event_output",
     "is_positive_definite",
     "non_holonomic",
     "output",
     "point",
+    "readable",
     "reject_clashes",
     "rheonomic_constraint",
     "shapes_of",
     "turned",
     "unchecked",
-    "unilateral",
 ]
 
 _PUBLIC_ELSEWHERE = {
+    "dry_friction",
+    "unilateral",
     "Body",
     "BodyPoint",
     "Chain",

@@ -33,7 +33,7 @@ from liaisons.language.variables import NEXT_EVENT_TIME, Variable
 
 D = TypeVar("D", bound=Declaration)
 _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
-_OURS, _CATALOGUE = "liaisons.", "liaisons.models."
+_OURS = "liaisons."
 _VARIABLES = (Symbol, Size, output, calculated, ContactFormula, rheonomic_constraint)
 """What declares a variable of its own name; of points, constraints, bodies and the like, names have endings."""
 _KINDS = (Parameter, Size, Joint)
@@ -189,8 +189,8 @@ def require_units(cls: type) -> None:
 
 
 def _is_ours(cls: type) -> bool:
-    """Whether a class is a base of components, here or in a package for a kind of them, and none of the catalogue."""
-    return cls.__module__.startswith(_OURS) and not cls.__module__.startswith(_CATALOGUE)
+    """Whether a class is a base of components, here or in a package for a kind of them."""
+    return cls.__module__.startswith(_OURS)
 
 
 def require_methods(cls: type) -> None:

@@ -6,7 +6,7 @@ instance of the component it is the CasADi symbol or expression of that name.
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, NoReturn, ParamSpec, Self, TypeVar, overload
 
@@ -503,7 +503,28 @@ class ContactFormula(DeclaredFormula[ca.SX]):
     """A contact, whose arrays take the elements of the arrays that they name; abstract."""
 
     names: ClassVar[tuple[str, ...]]  # attributes that name parameters or contacts
+    is_friction: ClassVar[bool]
     last: bool  # of a chain: of the last link alone
+
+    @abstractmethod
+    def variables(self, dimension: Dimension | None) -> Iterator[Variable]:
+        """Output variables of the contact; with a dimension, arrays."""
+
+    @abstractmethod
+    def check(
+        self,
+        m: Any,
+        formulas: Any,
+        configuration: Mapping[str, ca.SX],
+        motion: Mapping[str, ca.SX],
+        free: tuple[ca.SX, ca.SX],
+    ) -> None:
+        """Raise a ComponentError if the contact is declared wrongly.
+
+        :param m: the mechanism or chain, ``formulas`` its checked ones.
+        :param configuration: symbols that a gap may depend on, by name, ``motion`` those of a slip.
+        :param free: coordinates and their rates.
+        """
 
     def elements(self, owner: type) -> tuple[Self, ...]:
         items = super().elements(owner)
@@ -511,63 +532,6 @@ class ContactFormula(DeclaredFormula[ca.SX]):
         for i, item in enumerate(items if self.size else (), start=1):
             vars(item).update({name: element(getattr(self, name), i) for name in arrays})
         return items
-
-
-class unilateral(ContactFormula):
-    """A unilateral liaison: an expression of the configuration that stays >= 0, as the distance of two bodies.
-
-    Impacts obey Newton's law, v⁺ = -e v⁻ (docs/explanation/unilateral.md).
-
-    :param restitution: name of the parameter e, in [0, 1]; none: 0.
-    :param size: of an array, which the method returns as a column: name of a Size, or that less a number, ``"n - 1"``.
-    :param last: in a chain, whether only the last link has it; else each link has.
-    """
-
-    example = '@unilateral("m", "distance of ball and table", restitution="bounce")'
-    names = ("restitution",)
-
-    def __init__(
-        self,
-        unit: str,
-        description: str,
-        *,
-        restitution: str | None = None,
-        size: str = "",
-        last: bool = False,
-        unchecked: str | None = None,
-    ) -> None:
-        super().__init__(unit, description, unchecked=unchecked)
-        self.restitution, self.size, self.last = restitution, size, last
-
-
-class dry_friction(ContactFormula):
-    """Dry friction against a relative velocity, an expression linear in the rates, which those of operators enter.
-
-    :param static: name of the parameter, or method, that bounds the force while it sticks [of the force].
-    :param sliding: name of the one that the force has while it slides; none: the same.
-    :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
-    :param size: of an array, as of a unilateral liaison; each element is bounded by that of the arrays that are named.
-        ``last`` likewise.
-    """
-
-    example = '@dry_friction("m/s", "sliding of the block on the belt", static="grip")'
-    names = ("static", "sliding", "normal")
-
-    def __init__(
-        self,
-        unit: str,
-        description: str,
-        *,
-        static: str,
-        sliding: str | None = None,
-        normal: str | None = None,
-        size: str = "",
-        last: bool = False,
-        unchecked: str | None = None,
-    ) -> None:
-        super().__init__(unit, description, unchecked=unchecked)
-        self.static, self.sliding, self.normal = static, sliding or static, normal
-        self.size, self.last = size, last
 
 
 class assertion(DeclaredFormula[ca.SX]):

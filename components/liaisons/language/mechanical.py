@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 
@@ -19,6 +19,7 @@ from liaisons.language.checks import Formulas, call, components_of, declarations
 from liaisons.language.component import Component, DeclarationsOf, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
+    ContactFormula,
     Coordinate,
     Declaration,
     Friction,
@@ -26,12 +27,10 @@ from liaisons.language.declarations import (
     Size,
     calculated,
     constraint,
-    dry_friction,
     non_holonomic,
     output,
     point,
     rheonomic_constraint,
-    unilateral,
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
@@ -50,6 +49,17 @@ class _Actives(DeclarationsOf[ActiveCoordinate]):
         return (*super().__get__(instance, owner), *(item.active for item in elements_of(owner, rheonomic_constraint)))
 
 
+class _ContactsOf(DeclarationsOf[ContactFormula]):
+    """The contacts of one kind."""
+
+    def __init__(self, *, friction: bool) -> None:
+        super().__init__(ContactFormula)
+        self._is_friction = friction
+
+    def __get__(self, instance: object, owner: type) -> tuple[Any, ...]:
+        return tuple(item for item in super().__get__(instance, owner) if item.is_friction == self._is_friction)
+
+
 class MechanicalComponent(Component, abstract=True):
     """A component described by its energies: a mechanism, or one link of a chain; abstract."""
 
@@ -59,8 +69,8 @@ class MechanicalComponent(Component, abstract=True):
     rheonomic_constraints = DeclarationsOf(rheonomic_constraint)
     constraints = DeclarationsOf(constraint)
     non_holonomic = DeclarationsOf(non_holonomic)
-    unilaterals = DeclarationsOf(unilateral)
-    dry_frictions = DeclarationsOf(dry_friction)
+    unilaterals = _ContactsOf(friction=False)
+    dry_frictions = _ContactsOf(friction=True)
     points = DeclarationsOf(point)
     outputs = DeclarationsOf(output)
     calculated_parameters = DeclarationsOf(calculated)
@@ -125,7 +135,7 @@ class MechanicalComponent(Component, abstract=True):
         return (*self.passive_constraints, *self.rheonomic_constraints)
 
     @property
-    def contact_formulas(self) -> tuple[unilateral | dry_friction, ...]:
+    def contact_formulas(self) -> tuple[ContactFormula, ...]:
         """Unilateral liaisons, then dry frictions, in the order of all columns of contacts."""
         return (*self.unilaterals, *self.dry_frictions)
 
@@ -307,29 +317,29 @@ class MechanicalComponent(Component, abstract=True):
     def _contact_outputs(self) -> Iterator[Variable]:
         """Outputs of unilateral liaisons and dry friction; in a chain, arrays over the links."""
         for item in self.contact_formulas:
-            size = None if item.last else self.dimension
-            readable, at_events = (partial(make, dimension=size) for make in (layout.readable, layout.event_output))
-            name, of = item.name, partial(suffixed_name, item.name)
-            yield readable(name, item.unit, item.description)
-            if isinstance(item, unilateral):
-                yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
-                yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
-                text = f"sum of the impulses of impacts at {name}"
-                yield at_events(of("_impulse"), units.momentum(item.unit), text)
-                yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
-                text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
-                yield at_events(of("_impacts"), "1", text, type="Integer")
-                text = f"when the bounces of {name} end, or have ended"
-                yield at_events(of("_rests_from"), "s", text, causality="local")
-            else:
-                yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-                yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
-                yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
+            yield from item.variables(None if item.last else self.dimension)
         if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)
+
+    def check_contacts(
+        self,
+        formulas: Formulas,
+        configuration: Mapping[str, ca.SX],
+        motion: Mapping[str, ca.SX],
+        free: tuple[ca.SX, ca.SX],
+    ) -> None:
+        """Raise a ComponentError for a unilateral liaison or dry friction that is declared wrongly.
+
+        :param configuration: symbols that a gap may depend on, by name, ``motion`` those of a slip.
+        :param free: coordinates and their rates.
+        """
+        for item in self.contact_formulas:
+            if item.last and self.dimension is None:
+                item.refuse("has last=True, which is of a Chain; leave it out")
+        for item in self.contact_formulas:
+            item.check(self, formulas, configuration, motion, free)
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):

@@ -18,7 +18,6 @@ from liaisons.errors import ComponentError
 from liaisons.expressions import called_functions, jumping_table
 from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of
 from liaisons.language.component import DeclarationsOf
-from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
     ContactFormula,
@@ -246,7 +245,7 @@ class Mechanism(MechanicalComponent, abstract=True):
             self.outputs: self.symbols,
             self.calculated_parameters: parameters,
         }
-        check_contacts(self, formulas, configuration, motion, q=self.free.q, q_dot=self.free.q_dot)
+        self.check_contacts(formulas, configuration, motion, (self.free.q, self.free.q_dot))
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)

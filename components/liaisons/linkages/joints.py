@@ -11,15 +11,14 @@ from typing import Any, Literal, TypeAlias
 import casadi as ca
 import numpy as np
 
+from liaisons.contacts import dry_friction, unilateral
 from liaisons.language import (
     ActiveCoordinate,
     Coordinate,
     Declaration,
     Orientation,
     Parameter,
-    dry_friction,
     point,
-    unilateral,
 )
 
 Vector: TypeAlias = Sequence[float]

@@ -5,10 +5,11 @@ from typing import Any
 import casadi as ca
 
 from liaisons.algebra import at_zero
+from liaisons.contacts import contact_equations
 from liaisons.linkages.dynamics import elastic_forces
 from liaisons.linkages.linkage import Linkage
 from liaisons.linkages.recursion import Recursion
-from liaisons.mechanics import Equation, Equations, constraint_equations, contact_equations, row_equations
+from liaisons.mechanics import Equation, Equations, constraint_equations, row_equations
 
 _SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "w": ("", "g"), "W": ("M", "G")}
 """Angular and linear parts of spatial vectors."""

@@ -3,29 +3,29 @@
 from liaisons.language import ActiveInput, State
 from liaisons.mechanics.assembly import assemble, assemble_by
 from liaisons.mechanics.composition import compose
-from liaisons.mechanics.constraints import accelerations_by_gauss
+from liaisons.mechanics.constraints import STABILISATION, accelerations_by_gauss
+from liaisons.mechanics.contacts import contact_functions, contacts_by
 from liaisons.mechanics.dynamics import Dynamics, derive_by
 from liaisons.mechanics.energy_accounting import BOOKED, MEMORY, memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.friction import Dissipation
-from liaisons.mechanics.functions import SIGNATURES, model_functions, results_of
+from liaisons.mechanics.functions import CONTACT_NUMBERS, SIGNATURES, model_functions, results_of
 from liaisons.mechanics.inertia import Inertia
-from liaisons.mechanics.model import Code, Contact, Equation, Model, declared_fields, refuse_contacts
+from liaisons.mechanics.model import (
+    Code,
+    Contact,
+    Equation,
+    Model,
+    declared_fields,
+    impulsive_operators,
+    refuse_contacts,
+)
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import Drawing
 from liaisons.mechanics.printing import (
     constraint_equations,
-    contact_equations,
     dissipation_equation,
-    friction_equations,
     row_equations,
-)
-from liaisons.mechanics.unilateral import (
-    CONTACT_NUMBERS,
-    ContactModes,
-    contact_thresholds,
-    contacts_of,
-    impulsive_operators,
 )
 
 __all__ = [
@@ -33,10 +33,10 @@ __all__ = [
     "CONTACT_NUMBERS",
     "MEMORY",
     "SIGNATURES",
+    "STABILISATION",
     "ActiveInput",
     "Code",
     "Contact",
-    "ContactModes",
     "Dissipation",
     "Drawing",
     "Dynamics",
@@ -50,15 +50,13 @@ __all__ = [
     "assemble_by",
     "compose",
     "constraint_equations",
-    "contact_equations",
+    "contact_functions",
     "contact_outputs",
-    "contact_thresholds",
-    "contacts_of",
+    "contacts_by",
     "declared_fields",
     "derive",
     "derive_by",
     "dissipation_equation",
-    "friction_equations",
     "impulsive_operators",
     "mechanical_outputs",
     "memory_names",

@@ -17,9 +17,9 @@ import numpy as np
 from liaisons.algebra import at_zero
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language import ActiveInput, Layout, State, Terminal, TerminalMember, Variable
-from liaisons.mechanics.functions import results_of
+from liaisons.mechanics.contacts import contact_functions, contact_method
+from liaisons.mechanics.functions import CONTACT_NUMBERS, results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, Reach, domain_conditions
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long_chain, refuse_many_contacts
 
 
 def compose(
@@ -144,11 +144,10 @@ class _Joined:
 
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
         self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
-        refuse_many_contacts(name, self.contacts)
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
-        if self.contacts:  # chains are written out link by link
-            scalar = True
-            refuse_long_chain(name, max((model.loops.links for model in models if model.loops), default=0))
+        if method := contact_method(self.contacts):
+            scalar = True  # chains are written out link by link
+            method.refuse(name, self.contacts, max((model.loops.links for model in models if model.loops), default=0))
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
         inputs = _concatenated(models, "inputs")
@@ -221,8 +220,16 @@ class _Joined:
         conditions = {text: connected(row) for text, row in self._conditions().items()}
         results["conditions"] = self._to_column(conditions.values())
         numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
-        modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, self.memory, tuple(conditions))
-        return modes.functions() | {"drawn": (NEXT_EVENT,) if announcing else ()}
+        own = contact_functions(
+            self.contacts,
+            vectors=self.vectors,
+            forced=results,
+            numbers=numbers,
+            layout=layout,
+            memory=self.memory,
+            condition_texts=tuple(conditions),
+        )
+        return own | {"drawn": (NEXT_EVENT,) if announcing else ()}
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
         """Column of one of :data:`CONTACT_NUMBERS` of the contacts of some kinds."""

@@ -73,6 +73,13 @@ SIGNATURES: Mapping[str, Signature] = {
 ``conditions`` and ``derivatives`` take the memory of a model with contacts, which holds their modes.
 """
 
+CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
+    **dict.fromkeys(("v", "a", "rate_scale", "acceleration_scale"), (False, True)),
+    **dict.fromkeys(("gap", "scale", "restitution"), (False,)),
+    **dict.fromkeys(("stick", "slide"), (True,)),
+}
+"""Numbers by which modes are chosen, as in core.h; False if gaps have them, True if dry frictions do."""
+
 
 def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, merge: bool = True) -> dict[str, Any]:
     """CasADi functions of a model from their results, by name: arguments of Model.

@@ -12,6 +12,7 @@ from liaisons.algebra import closure, stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.language import Layout, Mechanism
 from liaisons.mechanics.constraints import KEPT, ROUNDS
+from liaisons.mechanics.contacts import contact_functions, contact_method
 from liaisons.mechanics.dynamics import method_of
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
@@ -20,7 +21,6 @@ from liaisons.mechanics.model import Model, Reach, declared_fields, domain_condi
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -41,7 +41,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     """
     equations = derive(component)
     m = equations.mechanism
-    contacts, layout = contacts_of(m), m.layout()
+    method, layout = contact_method(m.contact_formulas), m.layout()
+    contacts = method.contacts(m) if method else ()
     flat = layout.flat()
     symbols = {v.name: ca.SX.sym(v.name) for v in (*flat.parameters, *flat.inputs)} | equations.symbols
 
@@ -57,7 +58,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(equations), _start_conditions(equations)
-    numbers = contact_numbers(m)
+    numbers = method.numbers(m) if method else {}
     read = _output_expressions(equations, flat, rates, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
     first, first_energy = _initial_state(equations, symbols)
@@ -85,15 +86,17 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     results |= {"conditions": distances, "events": ca.SX(0, 1), "reach": reached if reaches else None}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
     texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
-    functions = ContactModes(contacts, vectors, results, numbers, flat, memory, texts).functions()
+    functions = contact_functions(
+        contacts, vectors=vectors, forced=results, numbers=numbers, layout=flat, memory=memory, condition_texts=texts
+    )
     starts = [[variable.start for variable in group] for group in (flat.inputs, flat.parameters)]
     point = [vectors[letter] for letter in "tyuk"]
     redundant = _count_redundant(equations, point, functions, starts)
     margin = _least(ca.vertsplit(independence), redundant)
     if redundant:
         functions["reach"] = _loosened(functions["reach"], len(reaches))
-    method = method_of(m)
-    own = method.printed(equations) if method else None
+    derived = method_of(m)
+    own = derived.printed(equations) if derived else None
     return Model(
         **declared_fields(m),
         **functions,
@@ -160,7 +163,7 @@ def _output_expressions(
     points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
     energies = equations.kinetic_energy, equations.potential_energy
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
-    outputs |= contact_outputs(m, numbers["gap"], numbers["v"])
+    outputs |= contact_outputs(m, numbers["gap"], numbers["v"]) if numbers else {}
     outputs |= {f"{item.name}_residual": residuals[i] for i, item in enumerate(m.all_constraints)}
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 

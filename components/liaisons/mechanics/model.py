@@ -206,6 +206,11 @@ class Model(Layout):
         return tuple(dict.fromkeys(name if name in own else array_and_index(name)[0] for name in names))
 
     @property
+    def impulsive_operators(self) -> list[str]:
+        """Names of the active coordinates at whose operators impacts have impulses."""
+        return impulsive_operators(self.contacts, self.memory)
+
+    @property
     def variables(self) -> tuple[Variable, ...]:
         """Parameters, inputs, outputs, and numbers of the picture; the index is the value reference."""
         return (*super().variables, *self.drawn)
@@ -223,6 +228,12 @@ class Model(Layout):
         if not any(v.dimension for v in self.variables):
             return self
         return replace(super().flat(), drawn=tuple(element for v in self.drawn for element in v.elements()))
+
+
+def impulsive_operators(contacts: Iterable[Contact], memory: Iterable[str]) -> list[str]:
+    """Names of the active coordinates at whose operators impacts have impulses, which the memory sums."""
+    gaps = {c.variable("impulse") for c in contacts}
+    return [name.removesuffix("_impulse") for name in memory if name.endswith("_impulse") and name not in gaps]
 
 
 def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]:

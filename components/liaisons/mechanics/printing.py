@@ -12,11 +12,11 @@ import numpy as np
 from liaisons.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.language import MechanicalComponent, ParameterArray, Sampled, SignalComponent
+from liaisons.language import ParameterArray, Sampled, SignalComponent
 from liaisons.mechanics.constraints import differentiated_constraints
+from liaisons.mechanics.contacts import contact_method
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
-from liaisons.mechanics.unilateral import contact_numbers
 
 _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
@@ -25,6 +25,7 @@ _TOGETHER = 3
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     """Equations of a mechanism: Lagrangian, momenta, motion, constraints, contacts, operators' forces, outputs."""
     m = equations.mechanism
+    method = contact_method(m.contact_formulas)
     count, actives = len(m.coordinates), [s.name for s in m.actives]
     names, rates, momenta = (list(map(str, ca.vertsplit(x))) for x in (m.free.q, m.free.q_dot, m.free.p))
     turning = m.free.kinematics @ m.free.q_dot
@@ -39,7 +40,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *row_equations("motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
         *row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *constraint_equations(equations),
-        *contact_equations(equations),
+        *(method.equations(equations) if method else ()),
         *row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
         *row_equations("points", equations.points, stack(equations.points.values())),
@@ -188,29 +189,6 @@ def constraint_equations(equations: Equations) -> Iterator[Equation]:
         yield Equation("constraints", "0", m.expression_of(item))
     for item in m.rheonomic_constraints:
         yield Equation("constraints", item.name, m.expression_of(item))
-
-
-def contact_equations(equations: Equations) -> Iterator[Equation]:
-    """Yield gaps, impacts (rate v, restitution e, compliance G = C A⁻¹ Cᵀ) and thresholds of friction as equations."""
-    m = equations.mechanism
-    numbers, gaps = contact_numbers(m), [item.name for item in m.unilaterals]
-    yield from row_equations("unilateral", gaps, numbers["gap"])
-    C = ca.jacobian(numbers["v"], m.free.q_dot)[: len(gaps), :]
-    G = C @ solve_symmetric(equations.mass_matrix, C.T) if gaps else ca.SX(0, 0)
-    for i, name in enumerate(gaps):
-        yield Equation("impacts", f"v_{name}", numbers["v"][i])
-        yield Equation("impacts", f"e_{name}", numbers["restitution"][i])
-        yield from row_equations("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
-    yield from friction_equations(m)
-
-
-def friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
-    """Yield relative velocities of dry friction, and their thresholds."""
-    for item in m.dry_frictions:
-        yield Equation("dry_friction", item.name, m.expression_of(item))
-        normal = m.symbols[suffixed_name(item.normal, "_force")] if item.normal else ca.SX(1)
-        for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
-            yield Equation("dry_friction", f"{letter}_{item.name}", m.contact_coefficient(threshold) * normal)
 
 
 def row_equations(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:

@@ -11,10 +11,10 @@ import casadi as ca
 
 from liaisons.algebra import solve_symmetric
 from liaisons.base import units
+from liaisons.contacts import contact_numbers, contacts_of
 from liaisons.errors import ComponentError
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.unilateral import contact_numbers, contacts_of
 from liaisons.modelica_text.text import Section, declaration, statement_lines
 
 # Bounces lower than 1e-12 of the gap's scale are left out; impacts after a fall from higher than 1e-6 of it count.

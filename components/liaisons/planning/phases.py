@@ -28,8 +28,8 @@ import numpy as np
 from liaisons.algebra import stack
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import suffixed_name
+from liaisons.contacts import Compliance
 from liaisons.errors import PlanError, suggestion
-from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact
 from liaisons.planning import problems
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, with_sizes

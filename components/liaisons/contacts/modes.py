@@ -29,12 +29,10 @@ import numpy as np
 
 from liaisons.algebra import at_zero, jacobian, stack
 from liaisons.base.array_names import array_and_index
+from liaisons.contacts.forces import Compliance
 from liaisons.errors import ComponentError
-from liaisons.language import Layout, MechanicalComponent, Mechanism, Orientation, dry_friction, element
-from liaisons.mechanics.constraints import STABILISATION
-from liaisons.mechanics.contact_forces import Compliance
-from liaisons.mechanics.functions import model_functions
-from liaisons.mechanics.model import Contact, Model
+from liaisons.language import Layout, MechanicalComponent, Mechanism, Orientation, element
+from liaisons.mechanics import STABILISATION, Contact, impulsive_operators, model_functions
 
 OPEN_MARGIN = 1e-13
 """Part of its scale by which a distance or a rate is beyond 0 when its event indicator crosses 0."""
@@ -55,13 +53,6 @@ LEAVING = 1e-3
 MOST_LINKS = 300
 """Most links of a chain in a model with contacts: its equations have no loops."""
 
-CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
-    **dict.fromkeys(("v", "a", "rate_scale", "acceleration_scale"), (False, True)),
-    **dict.fromkeys(("gap", "scale", "restitution"), (False,)),
-    **dict.fromkeys(("stick", "slide"), (True,)),
-}
-"""Numbers by which modes are chosen, as in core.h; False if gaps have them, True if dry frictions do."""
-
 
 def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
     """Contacts of a component, unilateral liaisons before dry friction; in a chain one a link, or of the last alone.
@@ -70,36 +61,29 @@ def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
     """
     name, links, contacts = type(m).__name__, m.sizes["n"] if m.dimension else 0, list[Contact]()
     for item in m.contact_formulas:
-        is_friction = isinstance(item, dry_friction)
-        contact = Contact(item.name, is_friction, (is_friction and item.normal) or "")
+        contact = Contact(item.name, item.is_friction, getattr(item, "normal", None) or "")
         numbers = range(1, links + 1)
         each = [contact.renamed(partial(element, index=i)) for i in numbers if not item.last]
         contacts += each or [contact]
-    refuse_many_contacts(name, contacts)
-    if contacts:
-        refuse_long_chain(name, links)
+    refuse_many(name, contacts, links)
     return tuple(contacts)
 
 
-def refuse_many_contacts(name: str, contacts: Sequence[Contact]) -> None:
-    """Raise a ComponentError for more than :data:`MOST_CONTACTS` of a component."""
+def refuse_many(name: str, contacts: Sequence[Contact], links: int) -> None:
+    """Raise a ComponentError for more than :data:`MOST_CONTACTS`, or than :data:`MOST_LINKS` of a chain beside them."""
     if len(contacts) > MOST_CONTACTS:
         names = ", ".join(dict.fromkeys(array_and_index(contact.name)[0] for contact in contacts))
         raise ComponentError(
             f"{name}: {names} are {len(contacts)} contacts; an FMU takes {MOST_CONTACTS} at most: take a smaller size"
         )
-
-
-def refuse_long_chain(name: str, links: int) -> None:
-    """Raise a ComponentError for more than :data:`MOST_LINKS` of a chain with contacts, or beside them."""
-    if links > MOST_LINKS:
+    if contacts and links > MOST_LINKS:
         raise ComponentError(
             f"{name}: a chain of n = {links} links with contacts is written out link by link; take n <= {MOST_LINKS}"
         )
 
 
 def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
-    """Columns of :data:`CONTACT_NUMBERS` of a mechanism, by name.
+    """Columns of ``CONTACT_NUMBERS`` of a mechanism, by name.
 
     A scale is the sum of the absolute terms of a number, with which its rounding errors are compared.
     """
@@ -130,7 +114,7 @@ def _term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
 
 
 def contact_thresholds(m: MechanicalComponent) -> dict[str, ca.SX]:
-    """Columns of the restitutions, and of what bounds dry friction, by their names in :data:`CONTACT_NUMBERS`."""
+    """Columns of the restitutions, and of what bounds dry friction, by their names in ``CONTACT_NUMBERS``."""
     return {
         "restitution": stack(m.contact_coefficient(item.restitution or "") for item in m.unilaterals),
         "stick": stack(m.contact_coefficient(item.static) for item in m.dry_frictions),
@@ -138,20 +122,19 @@ def contact_thresholds(m: MechanicalComponent) -> dict[str, ca.SX]:
     }
 
 
-def impulsive_operators(model: Model | ContactModes) -> list[str]:
-    """Names of the active coordinates at whose operators impacts have impulses, which the memory sums."""
-    gaps = {c.variable("impulse") for c in model.contacts}
-    return [name.removesuffix("_impulse") for name in model.memory if name.endswith("_impulse") and name not in gaps]
+def functions_in_modes(**fields: Any) -> dict[str, Any]:
+    """Functions of a model whose contacts are in modes, from the fields of :class:`ContactModes`."""
+    return ContactModes(**fields).functions()
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class ContactModes:
-    """Functions of a model whose contacts, if it has some, are in the modes that its memory holds.
+    """Functions of a model whose contacts are in the modes that its memory holds.
 
     :param contacts: unilateral liaisons, then dry friction.
     :param vectors: t, y, u, k, m and the contact forces x, by letter.
-    :param forced: results of the functions under given contact forces, see :func:`model_functions`.
+    :param forced: results of the functions under given contact forces, see ``model_functions``.
     :param numbers: see :func:`contact_numbers`.
     :param layout: without arrays.
     :param memory: names of its numbers.
@@ -168,29 +151,26 @@ class ContactModes:
 
     def functions(self) -> dict[str, Any]:
         """Functions of the model, and what belongs to them: arguments of :class:`liaisons.mechanics.model.Model`."""
-        vectors, results, texts, forced = self.vectors, self.forced, self.condition_texts, self.forced
-        if self.contacts:
-            painleve, (_, indicators) = self._painleve_conditions(), self._forces_and_indicators
-            texts = (*painleve, *texts)
-            loaded = {
-                name: self._with_contact_forces(value)
-                for name, value in forced.items()
-                if name != "start" and value is not None
-            }
-            impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self._gaps))
-            vectors = {**vectors, "Λ": impulses, "ν": shifts}
-            motion = {name: forced[name] for name in ("derivatives", "outputs_function")}
-            results = loaded | {
-                "start": tuple(map(self._without_contact_forces, forced["start"])),
-                "outputs_function": self._with_contact_forces(
-                    stack((self._outputs | self._outputs_by_modes()).values())
-                ),
-                "conditions": self._with_contact_forces(ca.vertcat(*painleve.values(), forced["conditions"])),
-                "contact": self._rows,
-                "indicate": self._with_contact_forces(indicators),
-                "push": self._state_and_operator_impulses(impulses, shifts),
-                "forced_motion": motion | dict(self.numbers),
-            }
+        vectors, forced = self.vectors, self.forced
+        painleve, (_, indicators) = self._painleve_conditions(), self._forces_and_indicators
+        texts = (*painleve, *self.condition_texts)
+        loaded = {
+            name: self._with_contact_forces(value)
+            for name, value in forced.items()
+            if name != "start" and value is not None
+        }
+        impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self._gaps))
+        vectors = {**vectors, "Λ": impulses, "ν": shifts}
+        motion = {name: forced[name] for name in ("derivatives", "outputs_function")}
+        results = loaded | {
+            "start": tuple(map(self._without_contact_forces, forced["start"])),
+            "outputs_function": self._with_contact_forces(stack((self._outputs | self._outputs_by_modes()).values())),
+            "conditions": self._with_contact_forces(ca.vertcat(*painleve.values(), forced["conditions"])),
+            "contact": self._rows,
+            "indicate": self._with_contact_forces(indicators),
+            "push": self._state_and_operator_impulses(impulses, shifts),
+            "forced_motion": motion | dict(self.numbers),
+        }
         functions = model_functions(vectors, results)
         return {**functions, "condition_texts": texts, "memory": self.memory, "contacts": self.contacts}
 
@@ -347,7 +327,7 @@ class ContactModes:
         momenta = ca.DM([float(name not in ("work", "dissipated")) for name in own])
         towards = momenta * (slopes[:, : len(self._gaps)] @ shifts)
         moved = ca.DM([float(_is_position(name, names)) for name in names]) * ca.jtimes(rates, y, towards)
-        forces = (outputs[f"{name}_force"] for name in impulsive_operators(self))
+        forces = (outputs[f"{name}_force"] for name in impulsive_operators(self.contacts, self.memory))
         operators = stack(ca.jtimes(force, x, impulses) for force in forces)
         return self._without_contact_forces(y + change + moved), self._without_contact_forces(operators)
 
