@@ -10,6 +10,8 @@ from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
 from .check.invariants import check_fmu as check_fmu
+from .closed_forms import Values as Values
+from .closed_forms import closed_form as closed_form
 from .contacts import dry_friction as dry_friction
 from .contacts import unilateral as unilateral
 from .cosim import Signal as Signal
@@ -60,12 +62,10 @@ from .language import Shapes as Shapes
 from .language import Size as Size
 from .language import Spring as Spring
 from .language import Trail as Trail
-from .language import Values as Values
 from .language import Wire as Wire
 from .language import assertion as assertion
 from .language import calculated as calculated
 from .language import circle as circle
-from .language import closed_form as closed_form
 from .language import constraint as constraint
 from .language import non_holonomic as non_holonomic
 from .language import output as output

@@ -3,8 +3,7 @@
 import casadi as ca
 
 from liaisons.contacts import unilateral
-from liaisons.language import Coordinate, Mechanism, Parameter, Size
-from liaisons.language.shapes import Ball, Flash, Shapes
+from liaisons.language import Ball, Coordinate, Flash, Mechanism, Parameter, Shapes, Size
 
 ROW = (0.0, *(1.0 + 0.1 * i for i in range(64)))
 """A ball that approaches others that touch; more than 64 gaps are refused."""

@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.contacts import unilateral
-from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, point
-from liaisons.language.shapes import Ball, Shapes, Trail, circle
+from liaisons.language import Ball, Coordinate, Gravity, Mechanism, Parameter, Shapes, Trail, circle, point
 
 _START = 0.1  # rad, angle of the start from the top
 

@@ -3,8 +3,7 @@
 import casadi as ca
 
 from liaisons.contacts import unilateral
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter
-from liaisons.language.shapes import Ball, Flash, Floor, Shapes
+from liaisons.language import ActiveCoordinate, Ball, Coordinate, Flash, Floor, Gravity, Mechanism, Parameter, Shapes
 
 
 class BouncingBall(Mechanism):

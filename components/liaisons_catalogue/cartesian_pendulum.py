@@ -3,8 +3,19 @@
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, rheonomic_constraint
-from liaisons.language.shapes import Ball, Rod, Shapes, Trail
+from liaisons.language import (
+    Ball,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Rod,
+    Shapes,
+    Trail,
+    constraint,
+    output,
+    rheonomic_constraint,
+)
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
 

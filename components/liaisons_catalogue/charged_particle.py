@@ -2,8 +2,7 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.language.shapes import Ball, Shapes, Trail
+from liaisons.language import Ball, Coordinate, Experiment, Mechanism, Parameter, Shapes, Trail, output
 
 
 class ChargedParticle(Mechanism):

@@ -2,8 +2,18 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point
-from liaisons.language.shapes import Ball, Rod, Shapes, Trail
+from liaisons.language import (
+    ActiveCoordinate,
+    Ball,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Rod,
+    Shapes,
+    Trail,
+    point,
+)
 
 
 class DoublePendulum(Mechanism):

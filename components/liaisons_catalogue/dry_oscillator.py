@@ -3,8 +3,19 @@
 import casadi as ca
 
 from liaisons.contacts import dry_friction
-from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter
-from liaisons.language.shapes import Box, Floor, Shapes, Spring, turned
+from liaisons.language import (
+    ActiveCoordinate,
+    Box,
+    Coordinate,
+    Experiment,
+    Floor,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Shapes,
+    Spring,
+    turned,
+)
 
 
 class DryOscillator(Mechanism):

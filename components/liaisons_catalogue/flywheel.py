@@ -3,8 +3,8 @@
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.language import Coordinate, Experiment, Friction, Mechanism, Parameter, Values, closed_form
-from liaisons.language.shapes import Ball, Rod, Shapes, circle, turned
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import Ball, Coordinate, Experiment, Friction, Mechanism, Parameter, Rod, Shapes, circle, turned
 from liaisons_catalogue.solutions.linear import coordinate_motion
 
 

@@ -5,7 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.units import ANY
-from liaisons.language import Experiment, Operator, Parameter, Values, closed_form
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import Experiment, Operator, Parameter
 
 
 class FourierSeries(Operator):

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Orientation, assertion, unchecked
-from liaisons.language.shapes import Box, Shapes
+from liaisons.language import ActiveCoordinate, Box, Orientation, Shapes, assertion, unchecked
 from liaisons_catalogue.shape_functions import NUMBERS, Function, ShapedMechanism, component_of_shape, smallest_pivot
 
 

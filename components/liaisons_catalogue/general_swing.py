@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Coordinate, assertion, output, unchecked
-from liaisons.language.shapes import Ball, Rod, Shapes
+from liaisons.language import ActiveCoordinate, Ball, Coordinate, Rod, Shapes, assertion, output, unchecked
 from liaisons_catalogue.shape_functions import NUMBERS, Function, ShapedMechanism, component_of_shape, smallest_pivot
 
 

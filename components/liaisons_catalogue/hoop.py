@@ -2,8 +2,7 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Experiment, Parameter, output, point
-from liaisons.language.shapes import Ball, Rod, Shapes, Wire
+from liaisons.language import ActiveCoordinate, Ball, Experiment, Parameter, Rod, Shapes, Wire, output, point
 from liaisons_catalogue.plane_curve import PlaneCurve
 
 

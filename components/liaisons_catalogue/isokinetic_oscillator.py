@@ -2,8 +2,18 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
-from liaisons.language.shapes import Ball, Shapes, Spring, Trail
+from liaisons.language import (
+    Ball,
+    Coordinate,
+    Experiment,
+    Mechanism,
+    Parameter,
+    Shapes,
+    Spring,
+    Trail,
+    non_holonomic,
+    output,
+)
 
 
 class IsokineticOscillator(Mechanism):

@@ -3,17 +3,8 @@
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.language import (
-    ActiveCoordinate,
-    Coordinate,
-    Gravity,
-    Mechanism,
-    Parameter,
-    Values,
-    closed_form,
-    point,
-)
-from liaisons.language.shapes import Ball, Shapes, Trail
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Ball, Coordinate, Gravity, Mechanism, Parameter, Shapes, Trail, point
 from liaisons_catalogue.solutions.linear import coordinate_motion
 
 

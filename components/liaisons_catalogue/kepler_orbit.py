@@ -2,8 +2,7 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, assertion, output
-from liaisons.language.shapes import Ball, Shapes, Trail
+from liaisons.language import Ball, Coordinate, Experiment, Mechanism, Parameter, Shapes, Trail, assertion, output
 
 
 class KeplerOrbit(Mechanism):

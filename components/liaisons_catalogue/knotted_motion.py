@@ -6,8 +6,7 @@ import casadi as ca
 
 from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.units import ANY
-from liaisons.language import Dimension, InternalState, Operator, ParameterArray
-from liaisons.language.sampled import SampledStates
+from liaisons.language import Dimension, InternalState, Operator, ParameterArray, SampledStates
 from liaisons_catalogue.quintic import quintic
 
 KNOTS = 50

@@ -2,8 +2,7 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, calculated, output
-from liaisons.language.shapes import Ball, Shapes, Spring
+from liaisons.language import Ball, Coordinate, Experiment, Mechanism, Parameter, Shapes, Spring, calculated, output
 from liaisons_catalogue.solutions.linear_molecule import frequencies, normal_coordinates
 
 _OUTER, _INNER = "outer atoms against each other", "inner atom against the outer ones"

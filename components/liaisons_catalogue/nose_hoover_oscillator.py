@@ -2,8 +2,19 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, InternalState, Mechanism, Parameter, output
-from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
+from liaisons.language import (
+    Box,
+    Coordinate,
+    Experiment,
+    InternalState,
+    Mechanism,
+    Parameter,
+    Rod,
+    Shapes,
+    Spring,
+    output,
+    turned,
+)
 
 
 class NoseHooverOscillator(Mechanism):

@@ -2,8 +2,20 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
-from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
+from liaisons.language import (
+    ActiveCoordinate,
+    Box,
+    Coordinate,
+    Experiment,
+    Friction,
+    Mechanism,
+    Parameter,
+    Rod,
+    Shapes,
+    Spring,
+    output,
+    turned,
+)
 
 
 class Oscillator(Mechanism):

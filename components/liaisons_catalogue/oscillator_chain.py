@@ -3,8 +3,7 @@
 import casadi as ca
 
 from liaisons.chains import Chain
-from liaisons.language import Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.language.shapes import Ball, Shapes, Spring
+from liaisons.language import Ball, Coordinate, Experiment, Parameter, Shapes, Size, Spring, calculated
 
 
 class OscillatorChain(Chain):

@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError
-from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
-from liaisons.language.shapes import Rod, Shapes
+from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, Rod, Shapes, constraint, point
 
 
 class FourBars(Mechanism, abstract=True):

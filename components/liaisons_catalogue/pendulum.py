@@ -4,9 +4,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.language.shapes import Ball, Rod, Shapes, Trail
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import (
+    ActiveCoordinate,
+    Ball,
+    Coordinate,
+    Friction,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Rod,
+    Shapes,
+    Trail,
+    output,
+    point,
+)
 from liaisons_catalogue.solutions import elliptic
 
 

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from liaisons.chains import Chain
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Joint, Parameter, Size, point
-from liaisons.language.shapes import Ball, Rod, Shapes
+from liaisons.language import ActiveCoordinate, Ball, Coordinate, Gravity, Joint, Parameter, Rod, Shapes, Size, point
 
 
 class PendulumChain(Chain):

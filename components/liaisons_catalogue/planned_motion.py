@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from liaisons.base.units import ANY
-from liaisons.language import Dimension, Operator, ParameterArray, Values, closed_form
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import Dimension, Operator, ParameterArray
 from liaisons_catalogue.quintic import quintic
 
 _KNOTS = Dimension("knots", 100, "number of knots that there is room for")

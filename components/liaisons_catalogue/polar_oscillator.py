@@ -2,8 +2,7 @@
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.language.shapes import Ball, Shapes, Spring, Trail
+from liaisons.language import Ball, Coordinate, Experiment, Mechanism, Parameter, Shapes, Spring, Trail
 
 
 class PolarOscillator(Mechanism):

@@ -2,8 +2,18 @@
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, assertion
-from liaisons.language.shapes import Box, Rod, Shapes, circle
+from liaisons.language import (
+    ActiveCoordinate,
+    Box,
+    Experiment,
+    Mechanism,
+    Orientation,
+    Parameter,
+    Rod,
+    Shapes,
+    assertion,
+    circle,
+)
 from liaisons_catalogue.solutions.satellite import TENSOR
 
 _SIGNS = "minors of different order are compared: only their signs count"

@@ -4,8 +4,19 @@ import casadi as ca
 import numpy as np
 
 from liaisons.contacts import unilateral
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point
-from liaisons.language.shapes import Ball, Flash, Rope, Shapes, Trail
+from liaisons.language import (
+    ActiveCoordinate,
+    Ball,
+    Coordinate,
+    Flash,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Rope,
+    Shapes,
+    Trail,
+    point,
+)
 
 _START = 0.1  # rad, angle of the string from the downward vertical
 

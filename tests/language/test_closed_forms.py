@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from liaisons.chains import Chain
+from liaisons.closed_forms import Values, closed_form
 from liaisons.errors import ValidityError
-from liaisons.language import ActiveCoordinate, Coordinate, Joint, Mechanism, Parameter, Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Joint, Mechanism, Parameter
 
 
 class Slide(Mechanism):

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from liaisons.closed_forms import Values
 from liaisons.errors import ValidityError
-from liaisons.language import Values
 from liaisons_catalogue.solutions import ball_row, bead_on_sphere, bouncing_ball, dry_oscillator, string_pendulum
 
 

@@ -6,7 +6,6 @@
 from typing import Any
 
 from liaisons.language.checks import Formulas, call, declarations_of, reject_clashes, shapes_of
-from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component, DeclarationsOf, SignalComponent, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -112,14 +111,12 @@ __all__ = [
     "Terminal",
     "TerminalMember",
     "Trail",
-    "Values",
     "Variable",
     "Wire",
     "assertion",
     "calculated",
     "call",
     "circle",
-    "closed_form",
     "constraint",
     "declarations_of",
     "declare",
@@ -139,6 +136,8 @@ __all__ = [
 ]
 
 _PUBLIC_ELSEWHERE = {
+    "Values",
+    "closed_form",
     "dry_friction",
     "unilateral",
     "Body",

@@ -4,7 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.language.shapes import Ball, Rod, Shapes, turned
+from liaisons.language import Ball, Rod, Shapes, turned
 
 
 def picture(self: Any) -> Shapes:

@@ -4,7 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
+from liaisons.language import Ball, Box, Rod, Shapes, turned
 
 
 def picture(self: Any) -> Shapes:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("velocities [m/s] after ball 1 strikes others that touch and move together: Moreau's rule")

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 from liaisons_catalogue.solutions.stumpff import stumpff
 
 

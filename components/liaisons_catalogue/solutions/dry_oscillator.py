@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 Phase = tuple[float, float, float, float]
 """Instant [s], elongation [m] and rate [m/s] at which it begins; direction of sliding, ±1, or 0 where it sticks."""

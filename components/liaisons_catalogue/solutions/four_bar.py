@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("Freudenstein's equation, d/a cos ψ - d/c cos φ + (a² - b² + c² + d²)/(2 a c) = cos (φ - ψ)")

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 from liaisons_catalogue.solutions import elliptic
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("steady precession, (I_1 + B - C) Ω² cos θ - I_3 ω_3 Ω + m g l = 0")

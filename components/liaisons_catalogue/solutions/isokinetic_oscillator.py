@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 _NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
 _MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18

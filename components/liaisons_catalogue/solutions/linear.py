@@ -15,7 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import Values
+from liaisons.closed_forms import Values
 
 Modes = tuple[NDArray, NDArray]
 """Frequencies [rad/s], (n,), and modes as columns, (n, n)."""

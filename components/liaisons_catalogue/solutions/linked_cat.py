@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("with the limbs held still a parabola of the centre of mass, and a uniform turn about it")

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipk, jv, yv
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 from liaisons_catalogue.solutions import elliptic
 from liaisons_catalogue.solutions.linear import coordinate_motion
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("the ellipse of PlanarOscillator in polar coordinates, not through r = 0", phi_dot_0="!= 0")

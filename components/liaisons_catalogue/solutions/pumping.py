@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipk
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 from liaisons_catalogue.solutions.integration import integrate
 
 

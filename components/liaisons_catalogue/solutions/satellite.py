@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import Orientation, Values, closed_form
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import Orientation
 from liaisons_catalogue.solutions import rotations
 from liaisons_catalogue.solutions.euler_top import euler_top
 from liaisons_catalogue.solutions.integration import integrate

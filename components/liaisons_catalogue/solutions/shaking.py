@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import mathieu_a, mathieu_b
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 from liaisons_catalogue.solutions.integration import integrate
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from liaisons.language import Values, closed_form
+from liaisons.closed_forms import Values, closed_form
 
 
 @closed_form("steady slewing: tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g, the load hanging outwards")

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad
 
-from liaisons.language import Orientation, Values, closed_form
+from liaisons.closed_forms import Values, closed_form
+from liaisons.language import Orientation
 from liaisons_catalogue.solutions import rotations
 from liaisons_catalogue.solutions.linear import coordinate_motion
 

@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError, ValidityError, suggestion
-from liaisons.language.component import Component
-from liaisons.language.declarations import Size
-from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import Variable
+from liaisons.language import Component, Mechanism, Size, Variable
 
 R = TypeVar("R")
 _RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
