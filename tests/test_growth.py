@@ -16,7 +16,7 @@ from liaisons.cosim.description.model_description import parse
 from liaisons.cosim.description.start_values import start_values
 from liaisons.fmu.code import model_code
 from liaisons.fmu.description import model_description
-from liaisons.fmu.documentation.page import index_page
+from liaisons.fmu_pages.page import index_page
 from liaisons.mechanics import Model, assemble
 from liaisons.models import OscillatorChain
 

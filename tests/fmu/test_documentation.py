@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from liaisons.base.array_names import suffixed_name
-from liaisons.fmu.documentation import index_page
-from liaisons.fmu.documentation.sources import bibliography
-from liaisons.fmu.reference_results import trajectory
+from liaisons.fmu import trajectory
+from liaisons.fmu_pages.page import index_page
+from liaisons.fmu_pages.sources import bibliography
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble

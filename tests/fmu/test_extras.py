@@ -21,11 +21,11 @@ from matplotlib.pyplot import imread
 from liaisons.errors import ComponentError
 from liaisons.fmu import build
 from liaisons.fmu.archive import read_member
-from liaisons.fmu.extras import extra_members
-from liaisons.fmu.icon import SIZE, icon_members
+from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import FOLDER, INTERVALS, table_variables, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
+from liaisons.fmu_pages.icon import SIZE
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
@@ -123,7 +123,7 @@ def opacity(icon: dict[str, bytes]) -> np.ndarray:
 
 @every_component
 def test_icon_shows_something_inside_its_frame(component) -> None:
-    icon = icon_members(assemble(component), "2")
+    icon = drawn_members(assemble(component), "2")
     shown = opacity(icon)
     assert 0.01 < np.mean(shown > 0) < 0.5
     assert not shown[[0, -1]].any()
@@ -136,14 +136,14 @@ def test_icon_shows_something_inside_its_frame(component) -> None:
 
 
 def test_icon_of_what_cannot_be_integrated_has_letters() -> None:
-    one, two = (opacity(icon_members(replace(assemble(Collapse), name=name), "2")) for name in ("Fall", "FreeFall"))
+    one, two = (opacity(drawn_members(replace(assemble(Collapse), name=name), "2")) for name in ("Fall", "FreeFall"))
     assert one.any()
     assert np.any(one != two)
 
 
 def test_an_fmu_with_another_icon_is_the_same(tmp_path, monkeypatch) -> None:
     fmu = build(pendulum(), tmp_path, backend="python")
-    monkeypatch.setattr("liaisons.fmu.building.icon_members", lambda *_: {"model.png": b"another"})
+    monkeypatch.setattr("liaisons.fmu.building.drawn_members", lambda *_: {"model.png": b"another"})
     other = build(pendulum(), tmp_path / "other", backend="python")
     assert read_member(fmu, "modelDescription.xml") == read_member(other, "modelDescription.xml")
     assert read_member(fmu, "model.png") != read_member(other, "model.png")
@@ -276,11 +276,35 @@ def test_manifest_names_files_that_are_there(component) -> None:
     )  # events are not in SciPy
 
 
+# ---- what others add -----------------------------------------------------------------------------------------------
+
+
+def test_whoever_registers_a_function_adds_members(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page and the icon are registered like this; without them there is an FMU all the same."""
+    calls = []
+
+    def draw() -> bytes:
+        calls.append(1)
+        return b"drawn"
+
+    added = {"documentation/note.txt": b"a note", "documentation/drawn.txt": draw}
+    monkeypatch.setattr("liaisons.fmu.extras.registered", lambda _: [lambda _: {**added}])
+    fmu = build(pendulum(), tmp_path, backend="python")
+    assert read_member(fmu, "documentation/note.txt") == b"a note"
+    assert read_member(fmu, "documentation/drawn.txt") == b"drawn"
+    assert read_member(fmu, "documentation/index.html") is read_member(fmu, "model.png") is None
+    build(pendulum(), tmp_path, backend="python")
+    assert len(calls) == 1  # the file was up to date
+    added["documentation/note.txt"] = b"another note"
+    build(pendulum(), tmp_path, backend="python")
+    assert read_member(fmu, "documentation/note.txt") == b"another note"
+
+
 # ---- all of it -----------------------------------------------------------------------------------------------------
 
 
 def test_members_of_both_versions() -> None:
-    two, three = (icon_members(pendulum(), fmi) for fmi in get_args(Fmi))
+    two, three = (drawn_members(pendulum(), fmi) for fmi in get_args(Fmi))
     assert two.keys() - three.keys() == {"model.png"}
     assert two["model.png"] == two["terminalsAndIcons/icon.png"]
     found = extra_members(pendulum(), "3")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.fmu.documentation.page import index_page
+from liaisons.fmu_pages.page import index_page
 from liaisons.language import (
     Coordinate,
     Friction,

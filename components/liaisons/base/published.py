@@ -12,7 +12,7 @@ from importlib.metadata import Distribution, EntryPoint, distribution, distribut
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from liaisons.base.logs import logger
 from liaisons.errors import LiaisonsError, ProjectError
@@ -36,7 +36,8 @@ class _Clone(Distribution):
             return "LICENSE,,"
         project = tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         if filename == "entry_points.txt":
-            return "\n".join([f"[{GROUP}]", *(f"{n} = {v}" for n, v in project["entry-points"][GROUP].items())])
+            groups = project["entry-points"].items()
+            return "\n".join(x for group, entries in groups for x in [f"[{group}]", *map(" = ".join, entries.items())])
         author, licence = project["authors"][0]["name"], project["license"]
         about = f"Name: {project['name']}\nAuthor: {author}\nLicense-Expression: {licence}\n"
         return about if filename == "METADATA" else None
@@ -57,6 +58,12 @@ def own_distribution() -> Distribution:
 def own_components() -> dict[str, EntryPoint]:
     """Return the entry points of the catalogue by name of the component; none is imported."""
     return {entry.name: entry for entry in own_distribution().entry_points.select(group=GROUP)}
+
+
+@cache
+def registered(group: str) -> list[Any]:
+    """Return what this package registers in a group of entry points, so that who asks for it need not know it."""
+    return [entry.load() for entry in own_distribution().entry_points.select(group=group)]
 
 
 @lru_cache(maxsize=1)

@@ -14,7 +14,7 @@ from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.contacts import Contacts
 from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
 from liaisons.expressions import Program, program
-from liaisons.fmu.jumps import jump_effects
+from liaisons.fmu import jump_effects
 from liaisons.mechanics.model import Model
 
 

@@ -26,8 +26,7 @@ from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
-from liaisons.fmu.extras import extra_members
-from liaisons.fmu.icon import icon_members
+from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import compile_component, manifest_members
 from liaisons.mechanics import Model, refuse_contacts
@@ -95,7 +94,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
         return path
     members |= {name: compiled() for name, compiled in binaries.items() if name not in members}
-    write_archive(path, members | icon_members(model, fmi))
+    write_archive(path, members | drawn_members(model, fmi))
     return path
 
 
@@ -114,7 +113,7 @@ def _build_python(model: Model, output: Path) -> Path:
     flat = model.flat()
     members = _with_guid_and_provenance(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
-        write_archive(path, members | icon_members(flat, "2"))
+        write_archive(path, members | drawn_members(flat, "2"))
     return path
 
 

@@ -6,14 +6,14 @@ Drawn from the default experiment.  The guid does not depend on it: another matp
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from liaisons.fmu.documentation.figures import picture_faces
-from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import trajectory
+from liaisons.fmu import trajectory
+from liaisons.fmu_pages.figures import picture_faces
 from liaisons.mechanics import Model
 
 if TYPE_CHECKING:
@@ -26,15 +26,25 @@ _MARGIN = 14 / SIZE
 _INK, _ACCENT = "#5f6f86", "#d9782d"  # both can be seen on white and on black
 _LINE = 3  # width of the outline of shapes, without which thin ones are hard to see
 _STYLE = {"path.simplify": False, "path.snap": False, "lines.solid_capstyle": "round", "lines.markeredgewidth": 0.0}
-_METADATA = {"png": {"Software": None}, "svg": dict.fromkeys(("Creator", "Date", "Format", "Type"))}
+KINDS: dict[str, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": dict.fromkeys(("Creator", "Date", "Format", "Type")),
+}
+"""Formats, and the metadata that each has without."""
 
 
-def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return the files of the icon, PNG and SVG, by path in the archive; FMI 2.0 has a PNG at the root, too."""
+def icon(model: Model, kind: str) -> bytes:
+    """Return the file of the icon of a kind, ``"png"`` or ``"svg"``."""
+    return _icons(model)[kind]
+
+
+@lru_cache(maxsize=1)
+def _icons(model: Model) -> dict[str, bytes]:
+    """Return the files of the icon by their kinds."""
     import matplotlib.style
     from matplotlib.figure import Figure
 
-    files = {kind: BytesIO() for kind in _METADATA}
+    files = {kind: BytesIO() for kind in KINDS}
     with matplotlib.style.context(["default", _STYLE, {"svg.hashsalt": model.name}]):
         figure = Figure((SIZE / 72, SIZE / 72), dpi=72)  # a point is a pixel
         axes = figure.add_axes((_MARGIN, _MARGIN, 1 - 2 * _MARGIN, 1 - 2 * _MARGIN))
@@ -43,9 +53,8 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
         if not _draw_experiment(axes, model):
             _write_initials(axes, model.name)
         for kind, file in files.items():
-            figure.savefig(file, format=kind, transparent=True, metadata=_METADATA[kind])
-    members = {f"terminalsAndIcons/icon.{kind}": file.getvalue() for kind, file in files.items()}
-    return members | ({"model.png": members["terminalsAndIcons/icon.png"]} if fmi == "2" else {})
+            figure.savefig(file, format=kind, transparent=True, metadata=KINDS[kind])
+    return {kind: file.getvalue() for kind, file in files.items()}
 
 
 def _draw_experiment(axes: Axes, model: Model) -> bool:

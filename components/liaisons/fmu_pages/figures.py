@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.fmu.layout import start_vectors
-from liaisons.fmu.reference_results import Trajectory
+from liaisons.fmu import Trajectory, start_vectors
 from liaisons.language import Variable
 from liaisons.mechanics import Model
 from liaisons.pictures import Picture

@@ -13,11 +13,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.version import __version__
-from liaisons.fmu.documentation import figures
-from liaisons.fmu.documentation.sources import cited_entries
-from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import index_ranges
-from liaisons.fmu.reference_results import Trajectory, trajectory
+from liaisons.fmu import Trajectory, index_ranges, jump_effects, trajectory
+from liaisons.fmu_pages import figures
+from liaisons.fmu_pages.sources import cited_entries
 from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
 from liaisons.mechanics import Model
@@ -80,7 +78,7 @@ def index_page(model: Model) -> bytes:
     }
     sections["Sources"] = _cited_sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
-    style = (files("liaisons.fmu") / "documentation" / "style.css").read_text(encoding="utf-8")
+    style = (files("liaisons.fmu_pages") / "style.css").read_text(encoding="utf-8")
     contents = " · ".join(f'<a href="#{_heading_anchor(title)}">{title}</a>' for title in shown)
     page = [
         "<!DOCTYPE html>",
