@@ -165,6 +165,16 @@ class Box(Mechanism):
         return self.dot(self.u)
 
 
+class Tray(Box):
+    """Box without friction above a table, to which it adds a mass of its own."""
+
+    tray = Parameter(2.0, "kg", "mass that moves with the table", above=0)
+    slip = None  # pyright: ignore[reportAssignmentType]
+
+    def kinetic_energy(self) -> ca.SX:
+        return super().kinetic_energy() + self.tray / 2 * self.dot(self.table) ** 2
+
+
 class Brake(Table):
     """Table with dry friction in its guide."""
 
@@ -189,7 +199,7 @@ class Tower(Table):
         return self.stiffness / 2 * (self.x - self.sway) ** 2 + self.bend / 2 * self.sway**2
 
 
-OWN = {class_.__name__: class_ for class_ in (Table, Brake, Tower, Bar, Between, Stack, Box)}
+OWN = {class_.__name__: class_ for class_ in (Table, Tray, Brake, Tower, Bar, Between, Stack, Box)}
 COORDINATES = {"height", "tilt", "theta", "x", "between", "u", "sway"}
 
 
@@ -252,6 +262,18 @@ def test_ball_on_a_table_of_another_fmu(
     assert run["ball.gap_impulse"][first] == pytest.approx(impulse, rel=1e-9)
     assert np.nansum(coupling_errors(run)) < 1e-6
     assert not np.isnan(coupling_errors(run)).any()
+
+
+def test_an_operator_moves_what_the_mechanism_adds_to_it(fmus: Callable[[str, Fmi], Path]) -> None:
+    """1 kg falls on 1 kg + 2 kg: the jump of the rate takes two thirds of the impulse, the operator gives the third."""
+    parts: Parts = {"box": ("Tray", {"bounce": 0.5}), "table": ("Table", {})}
+    system = _system(fmus, "2", parts, ("table.x -> box.table",))
+    run = system.simulate(0.4, 0.004, tolerance=1e-12)
+    assert run["box.gap_impacts"][-1] == 1
+    impulse = (1 + 0.5) * math.sqrt(2 * 9.81 * 0.3) * 3 / (1 + 3)
+    assert run["box.gap_impulse"][-1] == pytest.approx(impulse, rel=1e-7)
+    assert run["box.table_impulse"][-1] == pytest.approx(impulse / 3, rel=1e-7)
+    _energy_is_closed(run, parts, 1e-8)
 
 
 def test_balls_in_a_row_of_fmus(fmus: Callable[[str, Fmi], Path], shared_folder: Path) -> None:

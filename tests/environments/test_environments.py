@@ -68,6 +68,22 @@ def test_copies_move_as_fmus_do(name: str) -> None:
     one.close()
 
 
+def test_each_copy_has_a_balance_of_its_own() -> None:
+    """Of steps so long that it is not rounding: that of one copy alone, whatever the others do."""
+    acts = {"pivot_x_ddot": (-9, 9)}
+    settings: dict[str, Any] = {"subject": "Pendulum", "observe": ["theta"], "act": acts, "reward": "theta"}
+    settings |= {"step_size": 0.5, "stop_time": 2.0}
+    alone, both = (VectorEnvironment(num_envs=n, **settings) for n in (1, 2))
+    alone.reset(seed=0)
+    both.reset(seed=0)
+    for _ in range(3):
+        *_, one = alone.step([[8.0]])
+        *_, two = both.step([[8.0], [-3.0]])
+        assert two["energy_balance"][0] == one["energy_balance"][0]
+        assert min(abs(two["energy_balance"])) > 1e-12
+        assert abs(np.diff(two["energy_balance"])) > 1e-12
+
+
 CONTACTS: list[dict[str, Any]] = [
     {"subject": "BouncingBall", "observe": ["height", "table", "gap_impacts"], "act": {"table_ddot": (-5, 5)}},
     {"subject": "BouncingBall", "observe": ["height", "table", "gap_impulse"], "act": {"table_dot": (-0.3, 0.3)}},

@@ -248,6 +248,16 @@ def test_scalars_that_no_instance_can_have_are_refused(pendulum_library, name, v
     assert re.fullmatch(r"the saved state is damaged: [a-z_ ]+ is out of range", message)
 
 
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_state_has_one_solver(pendulum_library, steps) -> None:
+    """The stiff one, or so many symplectic steps."""
+    instance = _swing(pendulum_library)
+    content = _forged(instance.serialize(), "stiff_solver", 1)
+    instance.deserialize(content)
+    forged = _forged(content, "symplectic_steps", steps)
+    assert _refused(instance, forged) == "the saved state is damaged: stiff_solver is out of range"
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("symplectic", [0, 2])
 def test_every_number_of_the_vectors_is_finite(pendulum_library, value, symplectic) -> None:
