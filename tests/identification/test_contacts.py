@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from liaisons import System, identify, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
+from liaisons.identification.verifying import impact_sides
 from liaisons.models import BouncingBall, DryOscillator
 
 DROPPED = {"bounce": 0.8, "gravity": 9.7, "height_0": 1.0, "table": 0.05}
@@ -279,3 +281,14 @@ def test_values_at_which_events_change_are_said() -> None:
     (sentence,) = fit.sentences
     assert sentence.startswith("data: t = 0.4985758")
     assert sentence.endswith("standard errors take derivatives by mu_sliding to one side of it")
+
+
+def test_impacts_are_looked_at_within_what_was_measured() -> None:
+    """At a millionth of the duration before and after; measurements and their clock begin when they like."""
+    measured = SimpleNamespace(start_time=5.0)
+    experiment = SimpleNamespace(measurements=measured, offset=0, motion=SimpleNamespace(times=np.array([5.5, 7.0])))
+    instants = [{"gap_impacts": np.array([4.75, 6.0])}]
+    objective = SimpleNamespace(experiments=[experiment])
+    estimate: Any = SimpleNamespace(values=np.array([0.25]), instants=instants, objective=objective)
+    sides = impact_sides(estimate, 0)["gap_impacts"]
+    np.testing.assert_allclose(sides, [[5.0, 6.25 - 2e-6], [5.0 + 2e-6, 6.25 + 2e-6]], rtol=1e-14)

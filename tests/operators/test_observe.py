@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -194,6 +195,19 @@ def test_the_fmu_is_a_kalman_filter_of_the_pendulum() -> None:
     np.testing.assert_allclose(run["Pendulum_observer.theta"], theta, rtol=0, atol=1e-7)
     np.testing.assert_allclose(run["Pendulum_observer.p_theta"], p_theta, rtol=0, atol=1e-6)
     assert abs(run["Pendulum_observer.p_theta"][-1] - run["Pendulum.p_theta"][-1]) < 1e-3
+
+
+def test_rates_divided_by_sizes_are_the_same_in_all_units() -> None:
+    """Of a pendulum of 4 mm and 5 kg, and of one of 1 m and 1 kg, in corresponding states."""
+    found = []
+    for length, mass in ((1.0, 1.0), (4e-3, 5.0)):
+        arguments: dict[str, Any] = UPRIGHT | ANGLE | {"disturbance": {"theta_force": PUSH * mass * length}}
+        numbers = {"step_size": 0.02 * np.sqrt(length), "length": length, "mass": mass}
+        symbols = observe("Pendulum", **arguments, **numbers).model.sampled.symbols
+        rates = ca.Function("rates", [ca.vertcat(*symbols.arguments)], [symbols.relative_rates])
+        found.append(np.array(rates([0.5, 0.3 * mass * length**1.5, 0, 0, 0])).ravel())
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
+    assert found[0][1] == pytest.approx(-np.sin(0.5), rel=1e-12)  # of torques m g l
 
 
 def test_a_filter_that_is_wrong_about_its_errors_fails() -> None:
