@@ -129,12 +129,14 @@ def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:
     assert [node.name for node in sending if "interruptible" not in ast.unparse(node)] == []
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize("path", COMPONENTS, ids=lambda path: path.stem)
 def test_a_component_is_one_short_file(path: Path) -> None:
     # A screen or two; what solves its equations and is longer has its place in solutions/.
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 100
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None:
     text = path.read_text(encoding="utf-8")

@@ -71,6 +71,7 @@ LINKS = [
 ]
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize(("page", "target"), LINKS)
 def test_links_between_files_lead_somewhere(page: str, target: str) -> None:
     """As one reads them in the repository; those of the site are seen to when it is built."""

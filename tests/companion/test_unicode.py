@@ -38,6 +38,7 @@ def test_an_unknown_command_is_refused() -> None:
         unicode_text(r"\mysterious x")
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry.citation)
 def test_every_formula_is_read(entry) -> None:
     parser = MathTextParser("path")

@@ -114,6 +114,7 @@ def counted(printed: str) -> dict[str, tuple[int, int]]:
 
 
 @linux_only
+@pytest.mark.variants(quick=1, core=0)
 @every_version
 @pytest.mark.parametrize(
     "name",
@@ -124,6 +125,7 @@ def test_calls_at_random_under_sanitizers(sanitized, name, version) -> None:
 
 
 @linux_only
+@pytest.mark.variants(core=0)
 @pytest.mark.parametrize(
     ("name", "version"),
     [
@@ -173,6 +175,7 @@ def test_threads_do_not_know_of_each_other(ran, name, version) -> None:
 @linux_only
 @every_version
 @pytest.mark.parametrize("name", ["Pendulum"])
+@pytest.mark.variants(quick=1, core=0)
 def test_threads_share_no_memory(sanitized, name, version) -> None:
     sanitized(THREADS, "host", name, version, "threads", "8")
 
@@ -183,6 +186,7 @@ def test_threads_share_no_memory(sanitized, name, version) -> None:
 @linux_only
 @every_version
 @some_components
+@pytest.mark.variants(quick=1, core=0)
 def test_lives_under_sanitizers(sanitized, tmp_path, name, version) -> None:
     for command in (("life", str(tmp_path / "state")), ("exchange",), ("crowd", "5"), ("lives", "6")):
         sanitized(MEMORY, "host", name, version, *command)
@@ -191,6 +195,7 @@ def test_lives_under_sanitizers(sanitized, tmp_path, name, version) -> None:
 @linux_only
 @every_version
 @pytest.mark.parametrize("name", ["Pendulum", "SpatialCat"])
+@pytest.mark.variants(quick=1, core=0)
 def test_lives_under_valgrind(ran, tmp_path, name, version) -> None:
     """No invalid access, no number that was never written, no leak in the binary as it is delivered."""
     if not shutil.which("valgrind"):

@@ -15,8 +15,8 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
+from liaisons.cosim import SystemComponent
 from liaisons.cosim.instances import dop853, extract_fmus, make_instance
-from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Result
 

@@ -43,7 +43,7 @@ from liaisons import (
 from liaisons.base.compiler import zig_compiler
 from liaisons.cosim import Result
 from liaisons.jax import motion
-from liaisons.language.component import Component
+from liaisons.language import Component
 from liaisons.library import fmu_file
 from liaisons.pictures.frames import picture_frames
 

@@ -32,7 +32,7 @@ from liaisons import (
     point,
     unilateral,
 )
-from liaisons.language.component import Component
+from liaisons.language import Component
 from liaisons.models import (
     BouncingBall,
     CartesianPendulum,

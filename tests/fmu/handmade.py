@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from liaisons.language import Experiment
-from liaisons.language.variables import Causality, Dimension, Variable
+from liaisons.language import Dimension, Experiment, Variable
+from liaisons.language.variables import Causality
 from liaisons.mechanics import ActiveInput, Model, State
 
 GRAVITY = 9.81

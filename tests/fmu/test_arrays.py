@@ -18,8 +18,7 @@ from scipy.integrate import solve_ivp
 from liaisons.fmu import build
 from liaisons.fmu.code import model_code
 from liaisons.fmu.description import model_description
-from liaisons.mechanics import assemble
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model, assemble
 from liaisons.models import PendulumChain, PlannedMotion, Satellite
 
 GUID = "{00000000-0000-0000-0000-000000000001}"

@@ -9,11 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import System
+from liaisons import System, flatten
 from liaisons.cosim import simulate
 from liaisons.fmu.description import Backend
 from liaisons.language import Operator, Parameter
-from liaisons.library.flattening import flatten
 from liaisons.models import Flywheel, SmoothStep
 
 

@@ -16,7 +16,7 @@ from driver import CO_SIMULATION, ERROR, MODEL_EXCHANGE, OK, Instance, Library, 
 from handmade import GRAVITY, breathing_inputs
 
 from liaisons import models
-from liaisons.language.component import Component
+from liaisons.language import Component
 
 OUTPUTS = ("theta", "p_theta", "work", "dissipated", "energy", "energy_balance", "length_force")
 

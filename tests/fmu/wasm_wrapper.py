@@ -13,7 +13,7 @@ from pathlib import Path
 
 from liaisons.fmu.code import source_files
 from liaisons.fmu.wasm import EMPTY, compile_core_module, section_bytes
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
 
 OURS = files("liaisons.fmu.wasm")
 TOOLS = shutil.which("wasm-tools")

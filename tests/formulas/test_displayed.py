@@ -17,10 +17,10 @@ from matplotlib.mathtext import MathTextParser
 
 from liaisons import derive, equations
 from liaisons.errors import LiaisonsError, ProjectError
-from liaisons.formulas import DisplayedEquations, Notation, formula
+from liaisons.formulas import DisplayedEquations, Formula, Notation, formula
 from liaisons.formulas.latex import LaTeX
 from liaisons.formulas.symbolic import expression
-from liaisons.formulas.terms import Application, Formula, Name
+from liaisons.formulas.terms import Application, Name
 from liaisons.formulas.unicode import FIRM, SOFT, Unicode, width
 from liaisons.language import Mechanism
 from liaisons.mechanics import assemble

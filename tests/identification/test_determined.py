@@ -9,7 +9,7 @@ import pytest
 
 from liaisons import identify
 from liaisons.chains import Chain
-from liaisons.derivatives.subjects import motion_of
+from liaisons.derivatives import motion_of
 from liaisons.language import Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble

@@ -21,7 +21,7 @@ from liaisons import (
     Weld,
     ground,
 )
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics import Equations
 
 SIMPLE = (Revolute, Prismatic)
 ALL = (Revolute, Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar, Free, Weld)

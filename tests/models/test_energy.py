@@ -9,6 +9,7 @@ from hand_derivations import MECHANISMS, WITHOUT_ORIENTATION, states
 from on_paper import equations_of
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize("component", MECHANISMS)
 def test_energy_changes_by_the_power_of_the_ports_and_the_friction(component) -> None:
     equations = equations_of(component)
@@ -27,6 +28,7 @@ def test_energy_changes_by_the_power_of_the_ports_and_the_friction(component) ->
         assert abs(contributions.sum() - expected) <= 1e-13 * np.abs(contributions).sum()
 
 
+@pytest.mark.variants(quick=None)
 @pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
 def test_momentum_form_and_acceleration_form_are_the_same_motion(component) -> None:
     """d/dt of ∂L/∂q' along the accelerations is the momentum rate, which has no σ'' in it (M eq. 26, 36)."""

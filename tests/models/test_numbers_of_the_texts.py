@@ -14,7 +14,7 @@ from on_paper import State, algebra, equations_of, random_states, unloaded, vect
 from scipy.spatial.transform import Rotation
 
 from liaisons import analysis
-from liaisons.analysis.quantity import Quantity
+from liaisons.analysis import Quantity
 from liaisons.check import slope
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Mechanism, Parameter, unchecked
 from liaisons.mechanics import derive

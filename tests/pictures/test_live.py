@@ -18,12 +18,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, System, operator, show, tabulated
+from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Shapes, System, operator, show, tabulated
 from liaisons.base import compiler
 from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim import Connection
 from liaisons.errors import BuildError, SimulationError
-from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
 from liaisons.pictures import Picture

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 import liaisons.models
-from liaisons import Coordinate, Mechanism, Parameter, Result, point
+from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Result, Rod, Wire, circle, point, turned
 from liaisons.errors import ComponentError
-from liaisons.language.shapes import Ball, Box, Rod, Wire, circle, turned
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
 from liaisons.pictures.frames import Frames, picture_frames
