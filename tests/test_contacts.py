@@ -25,8 +25,7 @@ from liaisons import (
     sensitivities,
     unilateral,
 )
-from liaisons.mechanics import Model, assemble
-from liaisons.mechanics.model import Contact
+from liaisons.mechanics import Contact, Model, assemble
 from liaisons.models import DryOscillator, Pendulum
 
 

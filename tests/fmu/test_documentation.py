@@ -16,8 +16,7 @@ from liaisons.fmu_pages.page import index_page
 from liaisons.fmu_pages.sources import bibliography
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
-from liaisons.mechanics import assemble
-from liaisons.mechanics.equations import derive
+from liaisons.mechanics import assemble, derive
 from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
 from liaisons_catalogue.pendulum_chain import PendulumChain

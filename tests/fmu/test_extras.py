@@ -27,8 +27,7 @@ from liaisons.fmu.reference_results import FOLDER, INTERVALS, table_variables, t
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
 from liaisons.fmu_pages.icon import SIZE
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
-from liaisons.mechanics import assemble
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model, assemble
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
 from liaisons_catalogue.pendulum_chain import PendulumChain
 

@@ -23,8 +23,7 @@ from liaisons.fmu.code import model_code
 from liaisons.fmu.dependencies import coupled_state_count, initial_dependencies, running_dependencies, states_that_jump
 from liaisons.fmu.functions import DIFFERENTIATED
 from liaisons.language import ActiveCoordinate, Coordinate, Joint, Parameter, point
-from liaisons.mechanics import Model, assemble
-from liaisons.mechanics.model import Code
+from liaisons.mechanics import Code, Model, assemble
 from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
 
 GUID = "{00000000-0000-0000-0000-000000000000}"

@@ -23,8 +23,7 @@ from liaisons.formulas.symbolic import expression
 from liaisons.formulas.terms import Application, Name
 from liaisons.formulas.unicode import FIRM, SOFT, Unicode, width
 from liaisons.language import Mechanism
-from liaisons.mechanics import assemble
-from liaisons.mechanics.composition import compose
+from liaisons.mechanics import assemble, compose
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,

@@ -23,12 +23,12 @@ from liaisons.language import (
     Mechanism,
     Operator,
     Parameter,
+    SampledStates,
     dry_friction,
     output,
     point,
     unilateral,
 )
-from liaisons.language.sampled import SampledStates
 from liaisons.mechanics import assemble
 
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.language import Dimension, Operator, ParameterArray
+from liaisons.language import Dimension, Layout, Operator, ParameterArray
 from liaisons.language.declarations import Attitude
-from liaisons.language.layout import Layout
 from liaisons.models import Constant, PendulumChain, Swing
 
 LINEAR, ANGULAR = ("s", "v", "a", "f"), ("phi", "w", "a", "tau")

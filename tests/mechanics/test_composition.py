@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Model, assemble
-from liaisons.mechanics.composition import compose
+from liaisons.mechanics import Model, assemble, compose
 from liaisons.models import (
     DoublePendulum,
     DrivenChain,

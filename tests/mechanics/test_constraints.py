@@ -26,8 +26,7 @@ from liaisons.language import (
     rheonomic_constraint,
     unchecked,
 )
-from liaisons.mechanics import accelerations_by_gauss, assemble, constraints, derive
-from liaisons.mechanics.inertia import Inertia
+from liaisons.mechanics import Inertia, accelerations_by_gauss, assemble, constraints, derive
 
 State = dict[str, float]
 

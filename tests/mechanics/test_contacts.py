@@ -42,7 +42,7 @@ from liaisons import (
 )
 from liaisons.derivatives import Sensitivities
 from liaisons.errors import ComponentError
-from liaisons.mechanics.composition import compose
+from liaisons.mechanics import compose
 from liaisons.models import CartesianPendulum, OscillatorChain, PendulumChain
 
 RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "tolerance": 1e-11}

@@ -21,9 +21,11 @@ from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import (
     ActiveCoordinate,
     Chain,
+    Component,
     Coordinate,
     Experiment,
     Gravity,
+    MechanicalComponent,
     Mechanism,
     Operator,
     Parameter,
@@ -33,8 +35,6 @@ from liaisons.language import (
     unchecked,
     unilateral,
 )
-from liaisons.language.component import Component
-from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
 from liaisons.modelica_text import files, modelica_library
 from liaisons.modelica_text.classes import system_text
