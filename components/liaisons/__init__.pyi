@@ -1,4 +1,5 @@
 from . import analysis as analysis
+from . import pictures as pictures
 from .base.version import __date__ as __date__
 from .base.version import __version__ as __version__
 from .chains import Chain as Chain

@@ -16,10 +16,11 @@ from liaisons import ActiveCoordinate, Ball, Coordinate, Flash, Floor, Mechanism
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.pictures import Picture, animate
+from liaisons.pictures import animate
 from liaisons.pictures.animation import Values
 from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion, picture_frames
 from liaisons.pictures.stage import TEETH, Stage, camera_facing, rgb
+from liaisons.results import Picture
 
 from .test_animation import content, numbers, omedit
 from .test_schema import SCHEMA, fits

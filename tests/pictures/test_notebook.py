@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from liaisons import Result, System, build, show, simulate
 from liaisons.errors import SimulationError
 from liaisons.models import Constant, Pendulum
-from liaisons.pictures import Picture
+from liaisons.results import Picture
 
 from .conftest import MECHANISMS, Fmu, Moved
 

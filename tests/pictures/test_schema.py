@@ -11,7 +11,7 @@ import pytest
 
 import liaisons.models
 from liaisons.mechanics import assemble
-from liaisons.pictures import Picture
+from liaisons.results import Picture
 
 from .conftest import MECHANISMS
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from liaisons.fmu import Trajectory, start_vectors
 from liaisons.language import Variable
 from liaisons.mechanics import Model
-from liaisons.pictures import Picture
-from liaisons.pictures.frames import picture_frames
-from liaisons.pictures.stage import Face, Stage
+from liaisons.pictures import Face, Stage, picture_frames
+from liaisons.results import Picture
 
 _WIDTH, _HEIGHT = 640.0, 220.0
 _TALLEST = 360.0

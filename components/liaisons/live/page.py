@@ -18,8 +18,8 @@ from liaisons.base.array_names import array_and_index
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import Port, System, SystemComponent, SystemDocument, read_description
 from liaisons.errors import SimulationError
-from liaisons.pictures import Picture, combined_pictures
-from liaisons.pictures.inline import inlined_page
+from liaisons.pictures import inlined_page
+from liaisons.results import Picture, combined_pictures
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
 _CALLED = (  # by fmu.js; what none of them needs, as the saving of states, is not in the page

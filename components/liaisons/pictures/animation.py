@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from itertools import count as counter
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,12 +16,12 @@ from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
 from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
-from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, picture_frames
 from liaisons.pictures.gltf import glb_file
 from liaisons.pictures.inline import inlined_page
 from liaisons.pictures.openmodelica import openmodelica_files
 from liaisons.pictures.stage import Stage
+from liaisons.results import Picture, Scene
 
 LONGEST = 20.0
 """Longest animation [s], unless its speed is given."""
@@ -38,19 +37,6 @@ _KINDS = (*_DRAWN, ".glb", ".html", _VISUAL)
 _BYTES = 6  # of a number in a page: single precision in base64
 
 Values = Mapping[str, Floats]
-
-
-class Scene(Protocol):
-    """A picture and the values of its variables, recorded or calculated."""
-
-    @property
-    def picture(self) -> Picture:
-        """Shapes whose coordinates are numbers or names of signals."""
-        ...
-
-    def values(self, signals: Values) -> Values:
-        """All variables of the picture at some frames, from the recorded signals there."""
-        ...
 
 
 def animate(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.errors import SimulationError
-from liaisons.pictures.declared import LARGEST, Picture
+from liaisons.results import Picture
 
 RATE = 30
 """Frames a second."""
@@ -91,7 +91,7 @@ def picture_frames(
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
-    invalid = np.argwhere(~(abs(values) <= LARGEST))  # not-a-number, too
+    invalid = np.argwhere(~(abs(values) <= Picture.LARGEST))  # not-a-number, too
     if picture.shapes and len(invalid):
         frame, column = invalid[0]
         value = f"{values[frame, column]:g}" if np.isfinite(values[frame, column]) else "not finite"

@@ -8,9 +8,9 @@ from itertools import islice
 
 import numpy as np
 
+import liaisons
 from liaisons.base.arrays import Floats
 from liaisons.errors import LiaisonsError
-from liaisons.pictures import motion_page
 from liaisons.results.signals import LabelledSignals
 from liaisons.results.tables import summary
 
@@ -46,7 +46,9 @@ def _motion_frame(signals: LabelledSignals) -> tuple[str, list[str]]:
         return "", []
     numbers = dict(zip(signals.names, signals.values, strict=True))
     try:
-        page = motion_page(signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES)
+        page = liaisons.pictures.motion_page(
+            signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES
+        )
     except LiaisonsError as error:
         return "", [f"The motion cannot be shown: {error}"]
     frame = sandboxed_frame(page, _FRAME_HEIGHT) if page else ""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, final
 
 from numpy.typing import ArrayLike
 
+import liaisons
 from liaisons.base.arguments import as_path, name_list
 from liaisons.errors import SimulationError
-from liaisons.pictures import animate
 from liaisons.results import figures, notebook, tables
 from liaisons.results.signals import LabelledSignals
 
@@ -160,7 +160,7 @@ class Result(LabelledSignals):
             raise SimulationError(f"the result of {self.title} has no picture; animate that of simulate() or System")
         signals = dict(zip(self.names, self.values, strict=True))
         settings: dict[str, Any] = {"title": self.title, "speed": speed, "against": against, "turns": turns}
-        return animate(as_path("path", path), self.scene, self.time, signals, **settings)
+        return liaisons.pictures.animate(as_path("path", path), self.scene, self.time, signals, **settings)
 
     def summary(self, most: int | None = None, *, few: int = 10) -> list[dict[str, str]]:
         """Rows of a table of the signals: start, end and extrema; of a sweep, its cases.

@@ -16,7 +16,7 @@ from liaisons.base.array_names import Shape, array_and_index, complete_shape
 from liaisons.base.arrays import Floats
 from liaisons.base.port_names import PortNames
 from liaisons.errors import SimulationError, UnknownSignalError, suggestion
-from liaisons.pictures import Scene
+from liaisons.results.pictures import Scene
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,9 +18,7 @@ from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.pictures import Picture, combined_pictures
-from liaisons.pictures.declared import MEMBER
-from liaisons.results import Result
+from liaisons.results import Picture, Result, combined_pictures
 
 Values = Mapping[str, Vector]
 
@@ -31,7 +29,7 @@ class FmuScene:
     """Picture of the FMUs of a result.
 
     :param parts: components by the prefix of their variables in the result.
-    :param groups: as in :func:`liaisons.pictures.combined_pictures`.
+    :param groups: as in :func:`liaisons.results.combined_pictures`.
     """
 
     parts: Components
@@ -91,13 +89,13 @@ def picture_of(part: SystemComponent) -> Picture:
     """
     path, variables = part.fmu.path, part.fmu.variables
     with Archive(path) as archive:
-        if MEMBER not in archive.names:
+        if Picture.MEMBER not in archive.names:
             return Picture.from_points(name for name in part.fmu.reals("output") if variables[name].unit == "m")
-        with archive.open(MEMBER) as file:
+        with archive.open(Picture.MEMBER) as file:
             picture = Picture.from_json(file.read(), str(path))
     for name in picture.variables:
         if name not in variables:
-            raise SimulationError(f"{path}: {MEMBER}: {part.fmu.unknown_variable_message(name)}")
+            raise SimulationError(f"{path}: {Picture.MEMBER}: {part.fmu.unknown_variable_message(name)}")
     return picture
 
 

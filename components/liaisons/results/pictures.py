@@ -1,4 +1,7 @@
-"""The picture in an FMU, ``resources/picture.json``: shapes whose coordinates are numbers or names of variables."""
+"""Pictures as data: shapes whose coordinates are numbers or names of variables, as ``resources/picture.json`` has them.
+
+The package ``pictures`` draws them.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,14 @@ import json
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, Protocol, final
 
 from liaisons.base.arguments import shown
+from liaisons.base.arrays import Floats
 from liaisons.errors import SimulationError
 
-MEMBER = "resources/picture.json"
 VERSION = "1."
 """How versions of readable files begin."""
-LARGEST = 1e18
-"""Largest coordinate [m]: its square is finite in single precision."""
 _MOST = 10_000
 """Most shapes and points of wires; matplotlib draws these in a second."""
 
@@ -40,6 +41,11 @@ _KINDS = {
 class Picture:
     """Shapes; a coordinate is a number, or the name of a variable."""
 
+    MEMBER: ClassVar = "resources/picture.json"
+    """Path in an FMU."""
+    LARGEST: ClassVar = 1e18
+    """Largest coordinate [m]: its square is finite in single precision."""
+
     shapes: tuple[Shape, ...]
 
     @classmethod
@@ -61,10 +67,10 @@ class Picture:
                 _check_shape(shape)
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise SimulationError(
-                f"{owner}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
+                f"{owner}: {cls.MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
             ) from None
         if not str(version).startswith(VERSION):
-            raise SimulationError(f"{owner}: {MEMBER} is of version {version}; this liaisons reads {VERSION}x")
+            raise SimulationError(f"{owner}: {cls.MEMBER} is of version {version}; this liaisons reads {VERSION}x")
         return cls(tuple(shapes))
 
     @classmethod
@@ -144,8 +150,10 @@ def _check_shape(shape: Shape) -> None:
             continue
         if isinstance(number, bool) or not isinstance(number, (int, float)):
             raise ValueError(f"a coordinate is {shown(number)}: neither a number nor a name")
-        if not abs(number) <= LARGEST:  # not-a-number, too
-            raise ValueError(f"a coordinate is {shown(number)}: finite numbers up to {LARGEST:g} m can be drawn")
+        if not abs(number) <= Picture.LARGEST:  # not-a-number, too
+            raise ValueError(
+                f"a coordinate is {shown(number)}: finite numbers up to {Picture.LARGEST:g} m can be drawn"
+            )
 
 
 def combined_pictures(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
@@ -158,3 +166,16 @@ def combined_pictures(pictures: Mapping[str, Picture], groups: Iterable[Collecti
     group_of = {part: number for number, group in enumerate(groups) for part in group}
     shapes = ({**shape, "group": group_of.get(i, 0)} for i, part in enumerate(parts) for shape in part.shapes)
     return Picture(tuple(shapes))
+
+
+class Scene(Protocol):
+    """A picture and the values of its variables, recorded or calculated."""
+
+    @property
+    def picture(self) -> Picture:
+        """Shapes whose coordinates are numbers or names of signals."""
+        ...
+
+    def values(self, signals: Mapping[str, Floats]) -> Mapping[str, Floats]:
+        """All variables of the picture at some frames, from the recorded signals there."""
+        ...
