@@ -1,17 +1,27 @@
 """Equations -> .fmu: generated C with a small runtime, or pythonfmu with CasADi at run time."""
 
 from liaisons.fmu.building import build
+from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
+from liaisons.fmu.description import model_description
+from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import index_ranges, start_vectors
+from liaisons.fmu.layout import first_reference, index_ranges, memory_index, start_rates, start_vectors
 from liaisons.fmu.origin import is_of_catalogue
 from liaisons.fmu.reference_results import Trajectory, trajectory
 
 __all__ = [
     "Trajectory",
     "build",
+    "coupled_state_count",
+    "energy_accounts",
+    "extra_members",
+    "first_reference",
     "index_ranges",
     "is_of_catalogue",
     "jump_effects",
+    "memory_index",
+    "model_description",
+    "start_rates",
     "start_vectors",
     "trajectory",
 ]

@@ -22,6 +22,7 @@ from liaisons.base.compiler import (
     system_compiler,
     zig_compiler,
 )
+from liaisons.base.published import registered
 from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
@@ -30,6 +31,9 @@ from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import compile_component, manifest_members
 from liaisons.mechanics import Model, refuse_contacts
+
+BACK_ENDS = "liaisons.fmu_back_ends"
+"""Group of entry points of what writes FMUs beside that in C: that in Python."""
 
 _DESCRIPTION = "modelDescription.xml"
 # In place of the guid, which is a hash of everything else.
@@ -106,8 +110,7 @@ def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
 
 def _build_python(model: Model, output: Path) -> Path:
     """Build an FMU in Python, unless the file is up to date."""
-    from liaisons.fmu.python_backend import python_members
-
+    (python_members,) = registered(BACK_ENDS)
     refuse_contacts(model, "the Python back end", _native_remedy(), BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()

@@ -22,12 +22,9 @@ import json
 from importlib import metadata, resources
 from pathlib import Path
 
-from liaisons.fmu.description import model_description
-from liaisons.fmu.extras import extra_members
-from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import first_reference, memory_index, start_rates
-from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
+from liaisons.fmu import extra_members, first_reference, jump_effects, memory_index, model_description, start_rates
 from liaisons.mechanics import Model
+from liaisons.python_fmu.python_functions import allowed_range, initial_numbers, slave_functions
 
 _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;
@@ -117,7 +114,7 @@ def _prescribed_motion_warnings(model: Model) -> list[tuple[int, list[str]]]:
 
 def _runtime_members() -> dict[str, bytes]:
     """Return the files of our slave, by path; a hash in their names keeps FMUs of several versions apart."""
-    folder = resources.files("liaisons.fmu") / "python_runtime"
+    folder = resources.files("liaisons.python_fmu") / "python_runtime"
     sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
     version = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:12]
     package, module = f"liaisons_runtime_{version}", f"liaisons_slave_{version}"

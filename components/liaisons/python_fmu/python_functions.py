@@ -40,9 +40,7 @@ import numpy as np
 from scipy.integrate import RK45
 
 from liaisons.base.hermite import upper_coefficients
-from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
-from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import memory_index
+from liaisons.fmu import coupled_state_count, energy_accounts, jump_effects, memory_index
 from liaisons.language import Variable
 from liaisons.mechanics import Model
 
