@@ -23,12 +23,12 @@ from liaisons.fmu import build
 from liaisons.fmu.archive import read_member
 from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import FOLDER, INTERVALS, table_variables, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
 from liaisons.fmu_pages.icon import SIZE
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
 from liaisons.mechanics import Model, assemble
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
+from liaisons.reference_results import FOLDER, INTERVALS, table_variables, trajectory
 from liaisons_catalogue.pendulum_chain import PendulumChain
 
 SCHEMA = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema/fmi3/fmi3TerminalsAndIcons.xsd"))
@@ -287,7 +287,7 @@ def test_whoever_registers_a_function_adds_members(tmp_path: Path, monkeypatch: 
         return b"drawn"
 
     added = {"documentation/note.txt": b"a note", "documentation/drawn.txt": draw}
-    monkeypatch.setattr("liaisons.fmu.extras.registered", lambda _: [lambda _: {**added}])
+    monkeypatch.setattr("liaisons.fmu.extras.registered", lambda _: [lambda *_: {**added}])
     fmu = build(pendulum(), tmp_path, backend="python")
     assert read_member(fmu, "documentation/note.txt") == b"a note"
     assert read_member(fmu, "documentation/drawn.txt") == b"drawn"

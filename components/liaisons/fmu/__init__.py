@@ -1,18 +1,21 @@
 """Equations -> .fmu: generated C with a small runtime, or pythonfmu with CasADi at run time."""
 
 from liaisons.fmu.building import build
+from liaisons.fmu.calls import Call
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import first_reference, index_ranges, memory_index, start_rates, start_vectors
+from liaisons.fmu.markup import document, element
 from liaisons.fmu.origin import is_of_catalogue
-from liaisons.fmu.reference_results import Trajectory, trajectory
 
 __all__ = [
-    "Trajectory",
+    "Call",
     "build",
     "coupled_state_count",
+    "document",
+    "element",
     "energy_accounts",
     "extra_members",
     "first_reference",
@@ -23,5 +26,4 @@ __all__ = [
     "model_description",
     "start_rates",
     "start_vectors",
-    "trajectory",
 ]

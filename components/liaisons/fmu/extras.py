@@ -1,8 +1,9 @@
-"""What an FMU has beside description and code: terminals, picture, reference results, and what others add.
+"""What an FMU has beside description and code: terminals, picture, and what others add.
 
-Whoever has a page or an icon for FMUs registers a function as an entry point of the group ``liaisons.fmu_extras``: from
-a model to members, by path in the archive.  A member is its content, or a function of nothing that returns that: such a
-one is called when the file is written, and the guid does not depend on it.
+Whoever has a page, an icon or results for FMUs registers a function as an entry point of the group
+``liaisons.fmu_extras``: from a model and a version of FMI to members, by path in the archive.  A member is its content,
+or a function of nothing that returns that: such a one is called when the file is written, and the guid does not depend
+on it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from functools import cache
 
 from liaisons.base.published import own_distribution, registered
 from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import reference_members, trajectory
 from liaisons.fmu.terminals import terminals_and_icons
 from liaisons.mechanics import Model
 
@@ -30,26 +30,25 @@ The headers of the FMI standard in sources: BSD-2-Clause, its text stands in the
 
 
 def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return terminals, picture, reference results, and what others add, by path in the archive."""
+    """Return terminals, picture, and what others add, by path in the archive."""
     picture = {} if model.picture is None else {"resources/picture.json": json.dumps(model.picture, indent=1).encode()}
     return picture | {
-        **{name: content for name, content in _members_of_others(model) if not callable(content)},
+        **{name: content for name, content in _members_of_others(model, fmi) if not callable(content)},
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(model, fmi),
         "documentation/licenses/license.txt": _licence_text(),
-        **reference_members(model, trajectory(model), fmi),
     }
 
 
 def drawn_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
     """Return the members that others draw when the file is written; FMI 2.0 has the icon at the root, too."""
-    drawn = {name: draw() for name, draw in _members_of_others(model) if callable(draw)}
+    drawn = {name: draw() for name, draw in _members_of_others(model, fmi) if callable(draw)}
     return drawn | ({"model.png": drawn[_ICON]} if fmi == "2" and _ICON in drawn else {})
 
 
-def _members_of_others(model: Model) -> Iterator[tuple[str, bytes | Callable[[], bytes]]]:
+def _members_of_others(model: Model, fmi: Fmi) -> Iterator[tuple[str, bytes | Callable[[], bytes]]]:
     """Yield paths and contents of what is registered."""
     for extras in registered(EXTRAS):
-        yield from extras(model).items()
+        yield from extras(model, fmi).items()
 
 
 @cache

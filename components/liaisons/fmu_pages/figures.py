@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.fmu import Trajectory, start_vectors
+from liaisons.fmu import start_vectors
 from liaisons.language import Variable
 from liaisons.mechanics import Model
 from liaisons.pictures import Face, Stage, picture_frames
+from liaisons.reference_results import Trajectory
 from liaisons.results import Picture
 
 _WIDTH, _HEIGHT = 640.0, 220.0

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from liaisons.fmu import trajectory
 from liaisons.fmu_pages.figures import picture_faces
 from liaisons.mechanics import Model
+from liaisons.reference_results import trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from liaisons.base.compiler import Fmi
 from liaisons.fmu_pages.icon import KINDS, icon
 from liaisons.fmu_pages.page import index_page
 from liaisons.mechanics import Model
 
 
-def extras(model: Model) -> dict[str, bytes | Callable[[], bytes]]:
+def extras(model: Model, _fmi: Fmi) -> dict[str, bytes | Callable[[], bytes]]:
     """Return the page, and functions that draw the icon, by path in the archive."""
     icons = {f"terminalsAndIcons/icon.{kind}": partial(icon, model, kind) for kind in KINDS}
     return {"documentation/index.html": index_page(model), **icons}

@@ -13,12 +13,13 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.version import __version__
-from liaisons.fmu import Trajectory, index_ranges, jump_effects, trajectory
+from liaisons.fmu import index_ranges, jump_effects
 from liaisons.fmu_pages import figures
 from liaisons.fmu_pages.sources import cited_entries
 from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
 from liaisons.mechanics import Model
+from liaisons.reference_results import Trajectory, trajectory
 
 _JOINT = "where the link before ends, or its rate"
 _KINDS = {

@@ -19,12 +19,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.compiler import Fmi
 from liaisons.base.reference_integration import integrate
 from liaisons.base.related_files import FOLDER, MANIFEST, NAME, NAMESPACE, VERSION
 from liaisons.errors import ComponentError, suggestion
-from liaisons.fmu.calls import Call
-from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
-from liaisons.fmu.markup import document, element
+from liaisons.fmu import Call, document, element, index_ranges, start_vectors
 from liaisons.language import Variable
 from liaisons.mechanics import Model
 
@@ -175,6 +174,11 @@ def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[flo
         return result.copy()
 
     return rate
+
+
+def extras(model: Model, fmi: Fmi) -> dict[str, bytes]:
+    """Return the reference results of an FMU, by path in the archive."""
+    return reference_members(model, trajectory(model), fmi)
 
 
 def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dict[str, bytes]:
