@@ -55,6 +55,7 @@ def test_layers() -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.variants(core=0)
 def test_dataclasses_are_frozen() -> None:
     """But for these, to which their makers add."""
     changing = {"_Node", "_Elements", "Section", "Drawing", "_Link", "_Piece"}
@@ -116,6 +117,7 @@ def test_the_map_for_newcomers_names_what_is_there() -> None:
     assert packages <= set().union(*storeys)
 
 
+@pytest.mark.variants(core=0)
 def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:
     """The suite is started in the background of a shell, too, which has it ignore interrupts."""
     functions = [

@@ -36,6 +36,7 @@ def test_all_components_of_a_file_go_where_output_says(runs: Runs, bead: Path, t
     assert len(list((tmp_path / "out").rglob("*.fmu"))) == 2
 
 
+@pytest.mark.variants(core=0)
 def test_many_are_built_on_all_cores_and_named_in_order(
     liaisons: Cli, runs: Runs, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -49,6 +50,7 @@ def test_many_are_built_on_all_cores_and_named_in_order(
     assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]  # nor a thread that reports an error
 
 
+@pytest.mark.variants(core=0)
 def test_what_a_back_end_cannot_do_is_left_out_with_a_line_at_the_end(
     liaisons: Cli, declare: Callable[[str], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,6 +142,7 @@ def test_fmu_path_builds_what_is_missing_and_keeps_what_is_there(
         fmu_path(str(bead))
 
 
+@pytest.mark.variants(core=0)
 def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get_native(
     tmp_path: Path, bead: Path
 ) -> None:
@@ -173,6 +176,7 @@ def test_a_component_of_ones_own_does_not_take_the_place_of_another(liaisons: Cl
     assert liaisons("build", f"{own}:Constant", "--backend", "python", "--output", "out").status == 0
 
 
+@pytest.mark.variants(core=0)
 def test_in_an_empty_folder_ones_own_component_takes_the_name(bead: Path, tmp_path: Path) -> None:
     """In processes of their own, in which nothing is reserved; built once more it is the same."""
     own = tmp_path / "own.py"

@@ -29,12 +29,14 @@ def spoken(*words: str | Path, **environment: str) -> subprocess.CompletedProces
     ],
     ids=lambda e: " ".join(e.values()),
 )
+@pytest.mark.variants(core=0)
 def test_list_in_other_encodings(environment: dict[str, str]) -> None:
     done = spoken("list", **environment)
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"r(theta)" in done.stdout or "r(θ)".encode() in done.stdout
 
 
+@pytest.mark.variants(core=0)
 def test_a_claim_and_an_error_in_other_encodings(tmp_path: Path) -> None:
     path = write(tmp_path / "arithmetic.py")
     path.write_text(path.read_text(encoding="utf-8").replace("Twice", "σ̇ → ∂λ ≤ 2π√l: twice"), encoding="utf-8")
@@ -45,6 +47,7 @@ def test_a_claim_and_an_error_in_other_encodings(tmp_path: Path) -> None:
     assert wrong.stderr == b"liaisons: error: sigma.py: no such file\n"
 
 
+@pytest.mark.variants(core=0)
 def test_what_the_user_has_asked_for_is_kept() -> None:
     assert b"r(?)" in spoken("list", PYTHONIOENCODING="ascii:replace").stdout
 

@@ -44,6 +44,7 @@ def fit(tmp_path: Path) -> Path:
     return folder / "fit.toml"
 
 
+@pytest.mark.variants(core=0)
 def test_measurements_become_values_figure_film_residuals_and_verdicts(runs, tmp_path, fit) -> None:
     said = runs("identify", fit, "--output", "reached")
     assert "gravity" in said

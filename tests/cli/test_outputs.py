@@ -72,6 +72,7 @@ def test_a_pipe_is_written_into(tmp_path: Path, write: Callable[[Path], object])
 
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="this system has no /dev/stdout")
+@pytest.mark.variants(core=0)
 def test_the_standard_output(tmp_path: Path, fmus: Path) -> None:
     """Into a file as into a pipe: after what was printed, before what comes."""
     words = [*COMMAND, "simulate", "Pendulum", "--stop", "0.02", "--record", "theta", "--csv", "/dev/stdout"]
@@ -144,6 +145,7 @@ def test_an_archive_that_says_nothing_of_its_experiment(simulated: Simulated, tm
 
 @pytest.mark.skipif(os.name != "posix", reason="interrupts of other processes are POSIX's")
 @pytest.mark.usefixtures("interruptible")
+@pytest.mark.variants(core=0)
 def test_an_interrupt_keeps_what_there_is(tmp_path: Path, fmus: Path) -> None:
     words = ["simulate", "Pendulum", "--stop", "1e4", "--step", "1e-3", "--tolerance", "1e-10", "--record", "theta"]
     terminal = {"LIAISONS_FMUS": str(fmus), "TTY_COMPATIBLE": "1", "TERM": "xterm"}  # with a progress bar

@@ -20,6 +20,7 @@ values = { length = 2.0 }
 """
 
 
+@pytest.mark.variants(core=0)
 def test_a_goal_becomes_plan_figure_motion_system_and_verdicts(runs, tmp_path) -> None:
     (tmp_path / "crane.toml").write_text(GOAL)
     said = runs("plan", "crane.toml", "--output", "found")
@@ -49,6 +50,7 @@ def test_what_a_goal_lacks_is_said_in_a_line(liaisons, tmp_path, line: str, word
     assert reply.err.count("\n") == 1
 
 
+@pytest.mark.variants(core=0)
 def test_a_verdict_that_fails_is_the_exit_status(liaisons, tmp_path, monkeypatch) -> None:
     (tmp_path / "crane.toml").write_text(GOAL)
     monkeypatch.setattr(Plan, "verify", lambda _: [verdict("it holds", error=1.0, tolerance=0.5)])

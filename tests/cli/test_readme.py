@@ -51,6 +51,7 @@ def test_the_readme_has_two_commands_first() -> None:
     assert "pytest" in test
 
 
+@pytest.mark.variants(core=0)
 def test_the_readme_identifies_a_pendulum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     times = np.arange(100) / 20
     degrees = np.degrees(Pendulum.exact(times, length=1.2, theta_0=0.3)["theta"]) + np.tile([0.1, -0.1], 50)

@@ -16,6 +16,7 @@ ROBOTS = Path(__file__).parents[1] / "language" / "robots"
 
 
 @pytest.mark.parametrize("name", ["ur5.urdf", "panda.xml"])
+@pytest.mark.variants(core=0)
 def test_build_and_simulate_take_a_robots_file(liaisons: Cli, name: str, tmp_path: Path) -> None:
     joints = {"ur5.urdf": "shoulder_pan,elbow", "panda.xml": "joint1,joint4"}[name]
     first = joints.partition(",")[0]
@@ -30,6 +31,7 @@ def test_build_and_simulate_take_a_robots_file(liaisons: Cli, name: str, tmp_pat
     assert list(tmp_path.rglob("*.fmu")) == [tmp_path / "fmus" / f"{Path(name).stem}.fmu"]
 
 
+@pytest.mark.variants(core=0)
 def test_equations_and_show_take_a_robots_file(runs: Runs, tmp_path: Path) -> None:
     leg = ROBOTS / "a1_leg.urdf"
     free, shown = runs("equations", leg), runs("equations", leg, "--prescribe", "FL_hip_joint,FL_thigh_joint")
@@ -49,6 +51,7 @@ SLIDER = """<robot name="Slider">
 </robot>"""
 
 
+@pytest.mark.variants(core=0)
 def test_limits_of_a_robots_joints_become_stops(runs: Runs, tmp_path: Path) -> None:
     """A block falls onto the lower limit of its rail, and without it beyond."""
     file = tmp_path / "slider.urdf"

@@ -47,6 +47,7 @@ def test_each_number_of_a_range_has_its_formula(runs: Runs) -> None:
 
 
 @pytest.mark.parametrize("kind", ["equations", "examples", "figures", "propositions", "statements"])
+@pytest.mark.variants(core=0)
 def test_every_number_is_printed(runs: Runs, kind: str) -> None:
     for entry in entries():
         if entry.kind == kind:

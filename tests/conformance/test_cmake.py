@@ -19,6 +19,7 @@ COMPONENTS = ["Pendulum", *(pytest.param(name, marks=pytest.mark.slow) for name 
 
 @every_version
 @pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.variants(core=0)
 def test_project_of_fmpy_builds_a_library_that_works(fmu, tmp_path: Path, name: str, version: Version) -> None:
     """It defines macros that are called like types of FMUs, and compiles with the headers that FMPy has."""
     cmake = shutil.which("cmake")

@@ -41,7 +41,7 @@ def clean(tmp_path_factory, program) -> Callable[..., str]:
 
 @every_version
 @every_component
-@pytest.mark.variants(quick=2)
+@pytest.mark.variants(quick=2, core="Pendulum-fmi2")
 def test_life_in_a_clean_directory(clean, trial, name, version) -> None:
     """Load, step, save, restore, free; a fresh process goes on from the serialized state, to the last bit."""
     it = trial(name, version)
@@ -53,7 +53,7 @@ def test_life_in_a_clean_directory(clean, trial, name, version) -> None:
 
 @every_version
 @every_component
-@pytest.mark.variants(quick=2)
+@pytest.mark.variants(quick=2, core="Pendulum-fmi2")
 def test_model_exchange_in_a_clean_directory(clean, trial, name, version) -> None:
     found = rows(clean(trial(name, version), "exchange"))
     assert found.shape[0] == 2 * STEPS

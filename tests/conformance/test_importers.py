@@ -144,6 +144,7 @@ def master(fmu, trial, tmp_path_factory) -> Callable[[str, Version], dict[str, N
     [("libcosimpy", "2"), ("ecospy", "2"), ("ecospy", "3")],  # libcosim reads no FMI 3.0
 )
 @every_component
+@pytest.mark.variants(core=0)
 def test_masters_agree_with_fmpy(master, trial, name, module, version) -> None:
     it = trial(name, version)
     expected = simulate(it, fmi_type="CoSimulation")

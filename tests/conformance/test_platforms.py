@@ -77,7 +77,7 @@ def lived(everywhere, tmp_path_factory) -> Callable[..., NDArray]:
 @every_version
 @pytest.mark.parametrize("name", ["Pendulum"])
 @pytest.mark.parametrize("cc", COMPILERS)
-@pytest.mark.variants(quick=3)
+@pytest.mark.variants(quick=3, core=0)
 def test_sources_compile_without_a_warning(trial, name, version, cc) -> None:
     if (cc == "zig" and compiler.zig_compiler() is None) or (cc != "zig" and not shutil.which(cc)):
         pytest.skip(f"{cc} is not installed")

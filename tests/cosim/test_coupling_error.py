@@ -59,6 +59,7 @@ def _true(result: Result, whole: Path, k: int, mass: float, seen: tuple[str, ...
         ("jacobi", (0.1, 0.4), SEEN + ALSO),
     ],
 )
+@pytest.mark.variants(core=0)
 def test_estimate_is_that_of_a_flattened_step_from_the_same_state(
     component: FmuPaths, whole: Path, coupling: Coupling, masses: tuple[float, ...], seen: tuple[str, ...]
 ) -> None:
@@ -228,6 +229,7 @@ def test_steps_that_nobody_gives_are_as_short_as_they_have_to_be(
 
 
 @pytest.mark.parametrize("prefix", ["", "fmi3/"])
+@pytest.mark.variants(core=0)
 def test_steps_follow_a_signal_and_shorten_where_it_moves_fast(component: FmuPaths, prefix: str) -> None:
     mass = component(f"{prefix}Oscillator"), {"x_0": 0.0}
     system = wired(mass=mass)
@@ -285,6 +287,7 @@ def test_errors_that_add_up_are_warned_of(caplog: pytest.LogCaptureFixture) -> N
     assert "coupling errors add up to 0.069, the largest is: coupling error 8.6e-05 of swing.theta" in caplog.text
 
 
+@pytest.mark.variants(core=0)
 def test_attempts_that_were_taken_back_are_not_warned_of(component: FmuPaths) -> None:
     """A push of 8 ms within the 10 ms between two points: the first steps there are off by more than is allowed."""
     system = wired(mass=(component("Oscillator"), {"x_0": 0.0}))

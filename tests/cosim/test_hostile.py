@@ -306,6 +306,7 @@ def test_fmu_is_tried_once_for_all_processes_and_for_each_setting(fmu: FmuPaths,
     assert len(trials) == 3
 
 
+@pytest.mark.variants(core=0)
 def test_fmu_that_was_built_here_is_not_tried(trials: list[object], tmp_path: Path) -> None:
     from liaisons import build
     from liaisons.library import catalogue
@@ -419,6 +420,7 @@ def test_command_that_is_ended_while_an_fmu_hangs(
 
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.variants(core=0)
 def test_command_that_is_ended_in_the_middle(
     hanging: Start, number: signal.Signals, status: int, temporary: Path
 ) -> None:

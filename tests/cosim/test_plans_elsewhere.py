@@ -11,6 +11,7 @@ from plans_elsewhere import MASTERS, PLANS, ours, theirs
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in {"satellite", "cat"})) for name in PLANS]
 )
+@pytest.mark.variants(core=0)
 def test_a_plan_is_performed_by_other_masters(
     name: str, tmp_path: Path, shared_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -413,6 +413,7 @@ def _label(outer: str, tags: list[str]) -> str:
     )
 
 
+@pytest.mark.variants(core=0)
 def test_the_page_is_up_to_date(fmu: FmuPaths, tmp_path: Path) -> None:
     assert PAGE.read_text(encoding="utf-8") == page(Reader(fmu, tmp_path)), f"python {__file__} writes it"
 

@@ -145,6 +145,7 @@ SCENARIOS = [
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.variants(core=0)
 def test_the_system_of_every_scenario(name: str, found: Callable[[str], System], tmp_path: Path) -> None:
     system = found(name)
     for form in get_args(Form):

@@ -95,6 +95,7 @@ def test_derivatives_of_the_states_that_are_wrong_are_named(made: Made) -> None:
 
 
 @pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.variants(core=0)
 def test_measured_inputs_drive(made: Made, exact: bool) -> None:
     """x' = -k x + u: of a spline through a sine, whose error is its own."""
     followed = Exchange(
@@ -240,6 +241,7 @@ def test_a_system_with_a_foreign_fmu(made: Made, fmu) -> None:
         assert_allclose(derivatives[0, :, k], slope, rtol=0, atol=1e-5)
 
 
+@pytest.mark.variants(core=0)
 def test_a_system_in_implicit_coupling(fmu, tmp_path) -> None:
     """Two pendulums, one of a class that is not in the catalogue: against the flattened system of two that are."""
 

@@ -73,6 +73,7 @@ def test_docstrings_become_markdown(gallery: ModuleType) -> None:
 
 
 @pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+@pytest.mark.variants(core=0)
 def test_the_contact_sheet_of_one_component(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sheet = load_module(DOCS / "contact_sheet.py")
     assert sheet.main(["FreeParticle", "--output", str(tmp_path)]) == 0

@@ -41,6 +41,7 @@ def test_what_is_named_exists(texts: ModuleType) -> None:
         texts.source("no_scenario")
 
 
+@pytest.mark.variants(core=0)
 def test_links_of_the_page_lead_somewhere(texts: ModuleType, page: str) -> None:
     links = {link for link in re.findall(r'href="([^"]*)"', page) if not link.startswith("#")}
     places = {f"../catalogue/{name}.html" for name in catalogue()} | {

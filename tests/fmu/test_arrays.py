@@ -245,6 +245,7 @@ def test_one_element_is_an_array_too() -> None:
 
 
 @pytest.mark.parametrize("component", [PendulumChain, PlannedMotion])
+@pytest.mark.variants(core=0)
 def test_fmi3_without_arrays_has_none(component, shared_folder) -> None:
     paths = [build(assemble(component), shared_folder, fmi="3", arrays=arrays) for arrays in (True, False)]
     assert paths[1] == shared_folder / "fmi3" / "scalars" / f"{component.__name__}.fmu"

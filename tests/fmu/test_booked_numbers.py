@@ -55,6 +55,7 @@ def called(library: c.CDLL, name: str, arguments: list[np.ndarray], sizes: list[
 
 
 @pytest.mark.parametrize("name", ["jump", "remember"])
+@pytest.mark.variants(core=0)
 def test_booked_numbers_and_their_derivatives(generated: tuple[Model, c.CDLL], name: str) -> None:
     model, library = generated
     function: ca.Function = getattr(model, name)

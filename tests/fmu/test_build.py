@@ -31,6 +31,7 @@ needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang 
 # ---- the file ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.variants(core=0)
 def test_same_bytes_in_another_process_and_folder(every_pendulum, tmp_path) -> None:
     """Sets and hashes of strings have another order in each process."""
     backend = "python" if every_pendulum.python else "native"
@@ -90,6 +91,7 @@ def test_file_can_be_read_by_whom_a_new_file_can_be_read(pendulum_fmu, tmp_path)
     assert stat.S_IMODE(pendulum_fmu.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
 
 
+@pytest.mark.variants(core=0)
 def test_sources_compile_on_their_own(native_pendulum, tmp_path, capfd) -> None:
     """As an importer for another platform does it: unpack, compile what is listed, without a warning."""
     folder = Path(fmpy.extract(str(native_pendulum.path), unzipdir=str(tmp_path / "fmu")))

@@ -142,6 +142,7 @@ def test_two_rough_feet_stick_and_slide_together(library) -> None:
     assert instance["energy_balance"] == pytest.approx(0, abs=1e-11)
 
 
+@pytest.mark.variants(core=0)
 def test_more_than_eight_contacts_at_once(library) -> None:
     """Nine balls land on a table; the first of twelve strikes eleven that touch: they go on as one."""
     instance = library(Nine, "fmi2").start(mass=MASS)

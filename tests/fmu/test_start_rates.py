@@ -62,6 +62,7 @@ def test_a_given_rate_that_contradicts_the_crank_is_refused(library, target: str
     assert "; given are elbow_dot_0 = 2; " in instance.messages[-1]
 
 
+@pytest.mark.variants(core=0)
 def test_a_free_loop_follows_the_rate_that_is_given(library) -> None:
     """By the symmetry of the cube all hinges turn alike; a second rate has to be that one."""
     instance = library(Bricard).start(hinge_3_dot_0=0.8)

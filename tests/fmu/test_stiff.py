@@ -214,6 +214,7 @@ def test_two_solvers_at_once_are_refused(pendulum_library) -> None:
     instance.step(0.0, 0.1)
 
 
+@pytest.mark.variants(core=0)
 def test_more_states_than_its_matrices_take_are_refused(folder) -> None:
     library = Library(build(assemble(PendulumChain, 501), folder))
     message = "stiff_solver = 1: PendulumChain has 1002 states, the stiff solver takes 1000; set 0"

@@ -167,6 +167,7 @@ def difference(found: Motion, expected: Motion) -> float:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in sorted(catalogue())]
 )
+@pytest.mark.variants(core="Pendulum")
 def test_every_component_moves_as_the_native_binary(name: str, library) -> None:
     library = library(catalogue()[name], "wasm")
     assert library.imports == {"fmi:fmi3/types@3.0.0", "fmi:fmi3/callbacks@3.0.0"}  # nothing of WASI
@@ -247,6 +248,7 @@ def test_integers_and_booleans_are_arrays_too(tmp_path) -> None:
             assert list(values) == expected
 
 
+@pytest.mark.variants(core=0)
 def test_own_files_and_sizes(tmp_path, capsys) -> None:
     own = Path(tmp_path, "own.py")
     own.write_text("from liaisons.models import PendulumChain\n\n\nclass Rope(PendulumChain):\n    'A rope.'\n")

@@ -57,6 +57,7 @@ _read: set[tuple[str, str]] = set()  # neighbouring signs in lines that were par
 
 @pytest.mark.parametrize("every_line", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+@pytest.mark.variants(core="Pendulum-False")
 def test_latex_is_read_by_mathtext(component, every_line) -> None:
     """Quickly, lines that have two signs side by side that no line before has; the parser takes 80 s for all lines."""
     text, parser = displayed(component).latex(), MathTextParser("path")
@@ -174,6 +175,7 @@ class Reader:
 
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+@pytest.mark.variants(core="Pendulum")
 def test_text_read_back_has_the_values_of_the_symbols(component) -> None:
     shown = displayed(component)
     notation, rng, count = shown.notation, np.random.default_rng(5), 0
@@ -227,6 +229,7 @@ def number(sympy, expression, values: Mapping[str, float]) -> float:
 
 
 @pytest.mark.parametrize("component", UNCONSTRAINED, ids=lambda c: c.__name__)
+@pytest.mark.variants(core="Pendulum")
 def test_numbers_of_sympy_are_those_of_the_fmu(component) -> None:
     sympy = pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
     shown, checked = displayed(component), 0

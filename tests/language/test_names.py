@@ -102,6 +102,7 @@ def given_names() -> list[str]:
     return sorted(names - {*vars(Whole), *vars(_Sledge)})
 
 
+@pytest.mark.variants(core=0)
 def test_whatever_an_fmu_gives_is_no_name() -> None:
     """Each name with two kinds of declarations in turn, those of the account with all of them."""
     given = given_names()

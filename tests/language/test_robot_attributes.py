@@ -479,6 +479,7 @@ def written(name: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.variants(core=0)
 def test_the_page_is_up_to_date(name: str, tmp_path: Path) -> None:
     text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
     assert text == written(name, tmp_path), f"python {__file__} writes it"

@@ -163,6 +163,7 @@ def test_the_same_robot_in_both_formats() -> None:
     ("name", "prescribe"),
     [("ur5.urdf", ["shoulder_pan", "elbow"]), ("panda.xml", ["joint2", "joint4"]), ("a1_leg.urdf", ["FL_hip_joint"])],
 )
+@pytest.mark.variants(core=0)
 def test_fmus_keep_the_energy_account(name: str, prescribe: list[str], tmp_path: Path) -> None:
     tree = imported(name, prescribe=prescribe)
     assert [active.name for active in tree.actives] == prescribe

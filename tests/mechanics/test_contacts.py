@@ -620,6 +620,7 @@ class Bobs(Mechanism):
         return self.dot(self.bobs()[1])
 
 
+@pytest.mark.variants(core=0)
 def test_links_of_a_moved_chain_hit_a_rough_wall(tmp_path: Path) -> None:
     """The operator of the pivot feels the impulses, too."""
     settings = RUN | {"stop_time": 1.5, "pivot_x": operator("Sinusoid", amplitude=0.2, angular_frequency=3.0)}

@@ -212,6 +212,7 @@ def test_all_momenta_of_a_charge() -> None:
 
 
 @pytest.mark.parametrize("amplitude", [0.3, 2.0, 8.0])
+@pytest.mark.variants(core=0)
 def test_period(folder: Path, amplitude: float) -> None:
     """A quarter of the period is a complete integral; energies give up to γ = 9.9."""
     quarter = oscillation(amplitude, np.pi / 2)

@@ -67,6 +67,7 @@ def test_sparse_and_dense_ways_give_one_motion(tree: Callable[[int], int], monke
 
 
 @pytest.mark.parametrize("tree", TREES.values(), ids=TREES.keys())
+@pytest.mark.variants(core=0)
 def test_cost_grows_with_the_number_of_links_not_with_its_cube(tree: Callable[[int], int]) -> None:
     """Twice the links: about twice the operations; four times would be a matrix, eight times its factorization."""
     small, large = (assemble(hanging(n, tree)).derivatives.n_instructions() for n in (20, 40))

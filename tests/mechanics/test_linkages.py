@@ -45,6 +45,7 @@ ROD = {"mass": 2.0, "inertia": (0.01, 0.2, 0.2), "centre": (0.5, 0.0, 0.0)}
 
 
 @pytest.mark.parametrize("seed", range(50))
+@pytest.mark.variants(core=0)
 def test_recursion_is_the_derivative_of_the_lagrangian(seed: int) -> None:
     tree = random_tree(seed)
     equations, reference = derive(tree), derive(by_differentiation(tree))
@@ -73,6 +74,7 @@ def settings(tree: type[Linkage], seed: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(11, marks=pytest.mark.slow)])
+@pytest.mark.variants(core=0)
 def test_fmus_keep_the_energy_account_and_agree(seed: int, tmp_path: Path) -> None:
     tree = random_tree(seed, most=3)
     values = settings(tree, seed)
@@ -307,6 +309,7 @@ def test_rolling_wheel_goes_round_in_a_circle(tmp_path: Path) -> None:
 # ---- cost ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.variants(core=0)
 def test_code_is_linear_in_the_number_of_bodies() -> None:
     counts = []
     for n in (8, 16, 32):

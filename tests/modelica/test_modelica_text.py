@@ -560,6 +560,7 @@ def test_a_system_moves_as_its_flattened_fmu(name: str, tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.variants(core=0)
 def test_the_library_has_all_that_can_be_written() -> None:
     packages = re.findall(r"^  package (\w+)", modelica("all"), re.MULTILINE)
     assert {c.__name__ for c in WRITTEN} <= {*packages}

@@ -52,6 +52,7 @@ def test_it_is_the_spatial_cat() -> None:
         np.testing.assert_allclose(mine.evaluate("energy", **state), energy, rtol=1e-12)
 
 
+@pytest.mark.variants(core=0)
 def test_fmu_turns_as_the_spatial_cat(tmp_path: Path) -> None:
     limbs: Any = {
         "bend": operator("Sinusoid", offset=0.8, amplitude=0.3, angular_frequency=5.0),

@@ -83,6 +83,7 @@ def test_connection_is_the_one_by_hand_and_curvature_its_curl(parameters: Values
         assert -CURVATURE.evaluate(**shape)[2] == pytest.approx(curl, abs=1e-10)
 
 
+@pytest.mark.variants(core=0)
 def test_line_integral_of_the_connection_is_the_area_integral_of_its_curvature() -> None:
     (x, y), (a, b) = CENTRE, SIZE
 

@@ -65,6 +65,7 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
     # Contacts and samples are native only.
     [(c, b) for c in CATALOGUE for b in BACKENDS if b == "native" or not (contact_names(c) or c.is_sampled())],
 )
+@pytest.mark.variants(core="Pendulum-native")
 def test_fmu_names_what_lies_outside_of_its_domain(component, fmu, backend: str) -> None:
     for name, (value, words) in outside(component).items():
         with pytest.raises(SimulationError, match=f"{name} = {value:g} at t = 0: it {words}"):

@@ -136,6 +136,7 @@ def test_a_run_of_one_step_samples_as_a_longer_one() -> None:
     np.testing.assert_array_equal(short.values[:, 1], long.values[:, 1])  # dividing the step would sample twice
 
 
+@pytest.mark.variants(core=0)
 def test_a_pendulum_comes_back_within_bounds_and_survives_a_push() -> None:
     regulator = hold("Pendulum", **HELD["Pendulum"], bounds={"pivot_x_ddot": (-6, 6)})
     run = regulator.simulate(8.0, theta_0=np.pi + 0.2)
@@ -280,6 +281,7 @@ def test_what_is_not_disturbed_stays_with_the_plan(name: str) -> None:
     )  # the knots are the regulators'
 
 
+@pytest.mark.variants(core=0)
 def test_rounds_contract_by_their_greatest_multiplier() -> None:
     """The cat that has turned too far by 0.01 rad comes back loop by loop; a plan without feedback keeps all of it."""
     regulator = hold(planned("cat"))
@@ -473,6 +475,7 @@ def test_what_drifts_off_fails_its_verdict() -> None:
 # ---- tables ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.variants(core=0)
 def test_a_plan_of_more_steps_than_parameters_is_held_by_a_table_in_a_file() -> None:
     regulator = hold(planned("crane"), step_size=0.01)
     assert regulator.trajectory.times.size > KNOTS

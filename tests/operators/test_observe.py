@@ -162,6 +162,7 @@ def test_a_rotation_is_measured_as_three_angles() -> None:
         assert deviations[f"q_{axis}"] == pytest.approx(1 / np.hypot(1 / NOISE, 1 / known), rel=1e-6)
 
 
+@pytest.mark.variants(core=0)
 def test_the_loop_with_an_observer_does_what_was_predicted() -> None:
     claims = verified(held_pendulum())
     assert len(claims) == 9
@@ -315,6 +316,7 @@ def test_what_identify_estimates_is_the_noise() -> None:
     assert observer.model.noise.item() == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.variants(core=0)
 def test_a_crane_along_its_plan() -> None:
     """The covariance is a state of the FMU; in 2 s a load of 0.3 rad/s is known to a hundredth of it."""
     ends: dict[str, Any] = {"theta": 0.0, "theta_dot": 0.0, "pivot_x": 1.0, "pivot_x_dot": 0.0}

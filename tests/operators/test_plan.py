@@ -126,6 +126,7 @@ def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
         motion.sigma("a")
 
 
+@pytest.mark.variants(core=0)
 def test_a_mesh_that_is_too_coarse_is_found_out_though_ipopt_succeeds() -> None:
     motion = plan("PlanarCat", end={"phi": -1.047}, bounds=LIMBS, intervals=4, accuracy=None, **CAT)
     assert motion.solution.status == "Solve_Succeeded"
@@ -135,6 +136,7 @@ def test_a_mesh_that_is_too_coarse_is_found_out_though_ipopt_succeeds() -> None:
     assert "a mesh of 6 intervals costs the same as one of 4" in refused
 
 
+@pytest.mark.variants(core=0)
 def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
     claims = verified(motion)
@@ -153,6 +155,7 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     assert refused == ["what has to close is closed"]
 
 
+@pytest.mark.variants(core=0)
 def test_a_motion_whose_cost_knows_no_accelerations_is_smooth_and_replayed_to_the_last_digits() -> None:
     """A bound on a force makes accelerations controls, which the cost, of the rates, does not know."""
     bounds = {"psi_1": (-3, 3), "psi_2_force": (-5, 5)}
@@ -164,6 +167,7 @@ def test_a_motion_whose_cost_knows_no_accelerations_is_smooth_and_replayed_to_th
     assert np.max(np.abs(after - before)) < 1e-4 * np.ptp(after)
 
 
+@pytest.mark.variants(core=0)
 def test_a_plan_is_the_guess_of_the_next() -> None:
     first = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
     second = plan("PlanarCat", end={"phi": -0.06}, bounds=LIMBS, guess=first, **CAT)
@@ -171,6 +175,7 @@ def test_a_plan_is_the_guess_of_the_next() -> None:
     assert second.cost - first.cost == pytest.approx(-0.01 * slope, rel=0.2)  # J is convex near 0, not linear
 
 
+@pytest.mark.variants(core=0)
 def test_a_cat_in_space_turns_by_half_at_a_constant_bend() -> None:
     """Φ = 2π J c/(I s² + J c²) of a loop at constant bend; where the halves are in line the azimuth says nothing."""
     goal: dict[str, Any] = {"start": {"bend": (0.3, 2.8)}, "bounds": {"bend": (0.3, 2.8)}, "duration": 1.0}
@@ -362,6 +367,7 @@ print(plan("PendulumChain", "pivot_x", tries=999, **goal))
 
 
 @pytest.mark.usefixtures("interruptible")
+@pytest.mark.variants(core=0)
 def test_an_interrupt_keeps_the_best_so_far() -> None:
     with subprocess.Popen([sys.executable, "-c", ENDLESS], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -397,6 +403,7 @@ def test_the_best_half_swing_stands_up_at_the_lowest_point() -> None:
     assert (before, after) == pytest.approx((1.1, 1.0), abs=1e-9)
 
 
+@pytest.mark.variants(core=0)
 def test_a_bound_that_the_start_lies_on_is_held_without_saying_it_twice() -> None:
     """Stand still at l_max, accelerate by -A, by A, stand still at l_min: four arcs."""
     motion = half_swing({"length": 1.1}, {"length_ddot": (-30, 30)}, 15)
@@ -492,6 +499,7 @@ def test_a_swing_is_pumped_by_four_half_swings() -> None:
     assert motion.duration == pytest.approx(shortest, rel=1e-9)
 
 
+@pytest.mark.variants(core=0)
 def test_more_starts_give_nothing_worse() -> None:
     costs = [plan("PlanarCat", end={"phi": -2.0}, tries=n, intervals=10, **CAT).cost for n in (1, 3)]
     assert costs[1] <= costs[0]
@@ -550,6 +558,7 @@ def test_what_begins_behind_a_gap_is_planned() -> None:
     assert not motion.proved
 
 
+@pytest.mark.variants(core=0)
 def test_loops_are_asked_for_by_a_number() -> None:
     goal: dict[str, Any] = CAT | {"bounds": LIMBS, "tries": 1, "accuracy": None}
     one = plan("PlanarCat", end={"phi": -0.05}, **{**goal, "duration": 0.3})
@@ -563,6 +572,7 @@ def test_loops_are_asked_for_by_a_number() -> None:
 # ---- verdicts -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.variants(core=0)
 def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
     motion = oscillator(0.7, tries=1)
     H = motion.solution.hamiltonian
@@ -616,6 +626,7 @@ def test_a_time_limit_is_kept_by_verdicts_too() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(1e3, 1e-3, 1e3), (1e-3, 1e3, 1e-3)])
+@pytest.mark.variants(core=0)
 def test_nothing_depends_on_units(sizes: tuple[float, float, float]) -> None:
     mass, length, time = sizes
     end = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5 * length, "pivot_x_dot": 0}

@@ -216,6 +216,7 @@ def test_each_slider_moves_its_own_coordinate(opened: Opened) -> None:
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
     with opened("Satellite") as live:
         for yaw, pitch in ((-0.6, 0.35), (0.9, -0.4)):
@@ -383,6 +384,7 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_impacts_are_counted_and_a_table_that_jumps_through_the_ball_is_refused(opened: Opened) -> None:
     fall, impacts = math.sqrt(2 / 9.81), np.arange(100)
     instants = fall * (1 + 2 * np.cumsum(np.where(impacts, 0.8**impacts, 0)))
@@ -479,6 +481,7 @@ def test_one_signal_over_another(opened: Opened) -> None:
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_presets_suit_what_they_move(opened: Opened) -> None:
     """Pumped twice a period a pendulum swings ever higher; shaken fast enough it stands upright on its pivot."""
     with opened("Pendulum") as live:
@@ -536,6 +539,7 @@ def test_a_telephone(opened: Opened) -> None:
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_path: Path) -> None:
     fmus = [fmu(catalogue()[name]) for name in ("Pendulum", "DoublePendulum", "Pendulum")]
     with tools.opened(browser, show(*fmus, path=tmp_path / "x.html").path) as live:
@@ -587,6 +591,7 @@ def test_a_system_runs_as_its_simulation(
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_a_page_whose_forces_go_back_is_that_of_one_fmu(browser: Any, tmp_path: Path) -> None:
     system = System("two ways")
     upper = system.add("upper", "Oscillator", x_0=0.3)
@@ -616,6 +621,7 @@ def test_a_page_whose_forces_go_back_to_a_foreign_fmu_is_refused(fmu: Fmu, tmp_p
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_what_is_fed_by_a_later_component_extrapolates(fmu: Fmu, tmp_path: Path) -> None:
     system = System("loop")
     swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.3)
@@ -679,6 +685,7 @@ class _Toy(Mechanism):
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_text_of_an_fmu_is_text(opened: Opened, fmu: Fmu, tmp_path: Path) -> None:
     quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
     name = rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted
@@ -762,6 +769,7 @@ CONTACTS = [
 
 
 @in_a_browser
+@pytest.mark.variants(core=0)
 def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: Fmu, tmp_path: Path) -> None:
     document = json.dumps({"version": "1.1", "shapes": CONTACTS}).encode()
     turning = changed(

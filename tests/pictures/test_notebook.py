@@ -126,6 +126,7 @@ def test_a_component_shows_itself(
     assert frame["srcdoc"] == content
 
 
+@pytest.mark.variants(core=0)
 def test_a_system_shows_itself(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     system = System("two/swings")

@@ -79,6 +79,7 @@ def test_what_is_seen_has_room_for_the_corners_of_boxes(moved: Moved) -> None:
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.variants(core="Pendulum")
 def test_what_only_the_picture_needs_is_the_same_in_all_fmus(name: str, fmu: Fmu) -> None:
     model = assemble(getattr(liaisons.models, name))
     if model.draw is None:

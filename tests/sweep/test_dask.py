@@ -43,6 +43,7 @@ def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
     assert set(client.run(lambda: len(cluster._pools)).values()) == {0}  # all processes have ended
 
 
+@pytest.mark.variants(core=0)
 def test_the_command_line_by_the_address(client, pendulum, tmp_path) -> None:
     """In a process that has no client of its own, as there is one here."""
     liaisons = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
@@ -53,6 +54,7 @@ def test_the_command_line_by_the_address(client, pendulum, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("everyone", [False, True], ids=["one", "all"])
+@pytest.mark.variants(core=0)
 def test_a_killed_worker_loses_no_case(client, pendulum, tmp_path, everyone) -> None:
     client.wait_for_workers(2, timeout=60)
     killed, workers = str(tmp_path / "killed"), list(client.run(os.getpid).values())

@@ -161,6 +161,7 @@ def test_a_second_sweep_with_the_same_journal_is_refused(tmp_path, swept) -> Non
         (None, "died"),
     ],
 )
+@pytest.mark.variants(core=0)
 def test_what_the_machine_has_not_finished_is_tried_again(pendulum, tmp_path, error, words) -> None:
     journal, sign = tmp_path / "journal", tmp_path / "sign"
     sign.touch()
@@ -246,6 +247,7 @@ def test_a_file_that_is_no_journal_stays_as_it_is(tmp_path, swept) -> None:
 
 
 @pytest.mark.usefixtures("interruptible")
+@pytest.mark.variants(core=0)
 def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     def command(*more: str) -> list[str]:
         liaisons = [sys.executable, "-c", "import sys; from liaisons.cli import main; sys.exit(main())"]
