@@ -1,7 +1,8 @@
 """Random balls on fast tables, in communication steps that are long beside a contact: nothing is missed without a word.
 
 A ball falls onto a table that an operator or a spring moves several times within a step.  The flattened system must not
-depend on its step; two FMUs may be off by what they say, or warn.
+depend on its step; two FMUs may be off by what they say, or warn.  Balls that a table just touches in flight, or just
+does not, are held against parabola and sine.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from liaisons import System, build, flatten, simulate
 from liaisons.errors import SimulationError
 
 CONTACTS, SEED, STOP, FINE = 100, 45, 0.6, 0.001
+TOUCHES, FLIGHT, NEAR = 200, 0.4, (-9, -2)
+"""Balls in flight, for that long [s], and exponents of how far [m] the table comes above or stays below them."""
+TOUCHED = 1e-7  # m off the parabola; the least bounce leads a hundred times as far
 SAME, RIGHT = 1e-7, 1e-6
 """Differences of heights [m]: of the flattened system by its step, magnified by impacts; what is right of two FMUs."""
 
@@ -77,3 +81,48 @@ def test_no_contact_is_missed_without_a_word(tmp_path: Path) -> None:
     assert silent == []
     assert refused == []
     assert warned < CONTACTS
+
+
+@pytest.mark.slow
+def test_no_touch_in_flight_is_missed_without_a_word(tmp_path: Path) -> None:
+    """Whether the ball of a parabola meets a sine, and whether the run has seen an impact, or warned."""
+    random, t = np.random.default_rng(SEED + 1), np.linspace(0, FLIGHT, 40001)
+    unsaid, said, right, needless, made = list[Any](), 0, 0, 0, 0
+    for name in ("Sinusoid", "Oscillator", "BouncingBall"):
+        build(name, tmp_path)
+    while made < TOUCHES:
+        amplitude, omega, phase = random.uniform(0.005, 0.05), _between(random, 10, 80), random.uniform(0, 6.28)
+        rate, bounce = random.uniform(0.5, 3), random.uniform(0, 1)
+
+        def distance(t: np.ndarray, amplitude=amplitude, omega=omega, phase=phase, rate=rate) -> np.ndarray:
+            return rate * t - 9.81 / 2 * t**2 - amplitude * np.sin(omega * t + phase)
+
+        nearest = int(distance(t).argmin())
+        if not 400 < nearest < len(t) - 400:  # of the flight's ends alone nothing is short
+            continue
+        least = float(distance(np.linspace(t[nearest - 1], t[nearest + 1], 2001)).min())
+        depth = 10 ** random.uniform(*NEAR) * random.choice([-1, 1])
+        made += 1
+        system, step = System("Touch"), FINE * random.integers(5, 80)
+        kind, port, mass = (("Sinusoid", "y", 0), ("Oscillator", "x", 1e3))[made % 2]
+        table = {"amplitude": amplitude, "angular_frequency": omega, "phase": phase}
+        if mass:
+            table = {"x_0": amplitude * np.sin(phase), "x_dot_0": amplitude * omega * np.cos(phase)}
+            table |= {"mass": mass, "stiffness": mass * omega**2}
+        ball = {"height_0": -least - depth, "height_dot_0": rate, "bounce": bounce}
+        below = system.add("table", tmp_path / f"{kind}.fmu", start_values=table)
+        above = system.add("ball", tmp_path / "BouncingBall.fmu", start_values=ball)
+        system.connect(below[port], above["table"])
+        run = system.simulate(times=np.append(np.arange(0, FLIGHT - 1e-9, step), FLIGHT), tolerance=1e-10)
+        named = any("a contact may be missed" in warning for warning in run.warnings)
+        flight = ball["height_0"] + rate * run.time - 9.81 / 2 * run.time**2
+        if (np.abs(run["ball.height"] - flight).max() > TOUCHED) == (depth > 0):
+            right, needless = right + 1, needless + named
+        elif run.warnings:
+            said += 1
+        else:
+            unsaid.append((made, kind, omega * step, depth))
+    sys.stdout.write(f"{TOUCHES} touches: {len(unsaid)} wrong unsaid, {said} said; {needless} of {right} right said\n")
+    assert unsaid == []
+    assert said > 0
+    assert needless < right / 2

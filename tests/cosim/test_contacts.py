@@ -88,3 +88,22 @@ def test_types_are_kept_in_archives(watched: System, folder: Path) -> None:
     one, other = (system.simulate(stop_time=1.5, step_size=0.05) for system in (watched, again))
     for name in ("ball.gap_closed", "ball.gap_impacts", "watch.seen"):
         assert one[name].tolist() == other[name].tolist()
+
+
+@pytest.mark.parametrize(("step_size", "is_named"), [(0.04, True), (0.002, False)])
+def test_a_touch_that_steps_may_miss_is_said(
+    component: Callable[[str], Path], step_size: float, is_named: bool
+) -> None:
+    """A table that meets a ball in flight by 10 µm, for a millisecond: a sine, a polynomial in each step."""
+    amplitude, omega, phase, rate, stop = 0.02, 60.0, 0.5, 0.5, 0.08
+    t = np.linspace(0, stop, 80001)
+    start = -1e-5 - float(np.min(rate * t - G / 2 * t**2 - amplitude * np.sin(omega * t + phase)))
+    system = wired("table.y -> ball.table", table=component("Sinusoid"), ball=component("BouncingBall"))
+    values = {"table.amplitude": amplitude, "table.angular_frequency": omega, "table.phase": phase}
+    values |= {"ball.height_0": start, "ball.height_dot_0": rate, "ball.bounce": KEPT}
+    run = system.with_start_values(values).simulate(stop_time=stop, step_size=step_size, tolerance=1e-10)
+    words = "ball.gap: it comes as near as "
+    assert [warning.startswith(words) for warning in run.warnings] == [True] * is_named
+    if not is_named:
+        flight = start + rate * run.time - G / 2 * run.time**2
+        assert np.max(np.abs(run["ball.height"] - flight)) > 1e-3

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 from _browser import BROWSER, browser, opened, preset
 from driver import CO_SIMULATION, OK, Instance, Library
+from fmpy.fmi1 import FMICallException
 from making import exchange_only, lying
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from subjects import LEAN, SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Row, Signals, Subject, T, shaken_mass
+from subjects import LEAN, SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Rods, Row, Signals, Subject, T, shaken_mass
 from wasm_driver import WasmLibrary
 
 from liaisons import (
@@ -42,6 +43,7 @@ from liaisons import (
 )
 from liaisons.base.compiler import zig_compiler
 from liaisons.cosim import Result
+from liaisons.errors import SimulationError
 from liaisons.jax import motion
 from liaisons.language import Component
 from liaisons.library import fmu_file
@@ -138,7 +140,12 @@ def by_fmpy(workshop: Workshop, kind: str, form: Mapping[str, Any], bound: float
     starts = starts_by_name(path, subject.start_values)
     names = [v.name for v in fmpy.read_model_description(str(path)).modelVariables]
     wanted = [name if name in names else name.partition("[")[0] for name in subject.signals()]
-    run = fmpy.simulate_fmu(str(path), start_values=starts, output=wanted, **settings)
+    said: list[str] = []
+    settings["logger"] = lambda *call: said.append(call[-1].decode())
+    try:
+        run = fmpy.simulate_fmu(str(path), start_values=starts, output=wanted, **settings)
+    except FMICallException as refusal:
+        raise SimulationError(said[-1]) from refusal
     rows = {round(t, 9): i for i, t in enumerate(run["time"])}  # the last of several at one instant
     found = {}
     for name, column in zip(subject.signals(), wanted, strict=True):
@@ -193,7 +200,10 @@ def try_without_arrays(workshop: Workshop, kind: str) -> None:
 
 
 def try_python_back_end(workshop: Workshop, kind: str) -> None:
-    by_fmpy(workshop, kind, {"backend": "python"}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
+    if np.isfinite(SUBJECTS[kind].dead_point):  # of a discarded step FMPy makes an end, and shows no message of it
+        by_liaisons(kind, workshop.fmu(kind, backend="python"), SUBJECTS[kind].bound)
+    else:
+        by_fmpy(workshop, kind, {"backend": "python"}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
 
 
 # ---- systems -----------------------------------------------------------------------------------------------------
@@ -208,7 +218,7 @@ def try_ssp(workshop: Workshop, kind: str) -> None:
 
 def try_flatten(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
-    own = {c.__name__: c for c in (Row, Hoist, Buffered) if SUBJECTS[kind].component is c} or None
+    own = {c.__name__: c for c in (Row, Hoist, Buffered, Rods) if SUBJECTS[kind].component is c} or None
     path = system.flatten(workshop.folder / "flat" / kind, components=own)
     follows(simulate(path, **RUN), SUBJECTS[kind].signals(), SUBJECTS[kind].bound, before)
 
@@ -291,12 +301,19 @@ def subject_and_values(workshop: Workshop, kind: str) -> tuple[Any, dict[str, An
     return made, starts | {f"{name}[{i}]": x for name, value in arrays.items() for i, x in enumerate(value, start=1)}
 
 
+def refuse_failed(failures: Mapping[int, str]) -> None:
+    """Raise what the first of the cases or members has failed by."""
+    for reason in failures.values():
+        raise SimulationError(reason)
+
+
 def try_sweep(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     (by, value), subject = SUBJECTS[kind].by, SUBJECTS[kind]
     cases = value * np.array([1.0, 1.01])
     name = next(iter(subject.signals()))
     swept = sweep(system, {before + by: cases}, before + name, workers=1, **RUN)
+    refuse_failed(swept.failures)
     exact = [subject.signals(**{by: case})[name][-1] for case in cases]
     follows({name: swept[before + name]}, {name: np.array(exact)}, SUBJECTS[kind].bound)
 
@@ -310,6 +327,7 @@ def try_ensemble(workshop: Workshop, kind: str) -> None:
     start_values |= {name: operators.pop(name) for name in [*operators] if name != "operators"}
     record = [*subject.signals()]
     found = ensemble(made, start_values, **operators, stop_time=STOP, step_size=0.01, samples=40, record=record)
+    refuse_failed(found.failures)
     for k, case in enumerate(cases):
         follows(
             {name: found[name][:, k] for name in record},
@@ -353,7 +371,12 @@ def try_environment(workshop: Workshop, kind: str) -> None:
     if not isinstance(settings["subject"], System):
         settings["subject"] = workshop.fmu(kind)  # built once
     environment = Environment(**settings)
-    rows = [environment.reset(options={by: value})[0], *(environment.step(act(t))[0] for t in T[:-1])]
+    rows = [environment.reset(options={by: value})[0]]
+    for t in T[:-1]:
+        observation, *_, information = environment.step(act(t))
+        if "failure" in information:
+            raise SimulationError(information["failure"])
+        rows.append(observation)
     environment.close()
     follows(
         dict(zip(settings["observe"], np.transpose(rows)[:, 1:], strict=True)), subject.signals(T[1:]), subject.bound
@@ -368,8 +391,15 @@ def try_vector_environment(workshop: Workshop, kind: str) -> None:
     names, times = [*settings["observe"], by], SAMPLE * np.arange(1, 201)
     settings |= {"observe": names, "randomize": {by: (value, 1.01 * value)}, "step_size": SAMPLE}
     copies = VectorEnvironment(num_envs=2, **settings)
-    rows = [copies.reset(seed=0)[0], *(copies.step([act(t - SAMPLE)] * 2)[0] for t in times)]
-    *signals, draws = np.transpose(rows)
+    rows = [copies.reset(seed=0)[0]]
+    for t in times:
+        observation, _, ended, _, information = copies.step([act(t - SAMPLE)] * 2)
+        if information["failure"].any():
+            assert t - SAMPLE < subject.dead_point <= t, f"it fails at t = {t:g}"
+            assert np.all(ended)
+            break
+        rows.append(observation)
+    times, (*signals, draws) = times[: len(rows) - 1], np.transpose(rows)
     for k in range(2):
         found = {name: values[k, 1:] for name, values in zip(names[:-1], signals, strict=True)}
         follows(found, subject.signals(times, **{by: draws[k, 0]}), subject.bound)
@@ -423,12 +453,16 @@ def try_gradient(workshop: Workshop, kind: str) -> None:
 
 def try_jax(workshop: Workshop, kind: str) -> None:
     import jax
+    from jax.errors import JaxRuntimeError
 
     jax.config.update("jax_enable_x64", True)
     subject, (made, starts) = SUBJECTS[kind], subject_and_values(workshop, kind)
     name, (by, value) = next(iter(subject.signals())), subject.by
     run = motion(made, T, record=name, **starts, **at_operators(subject))
-    found = jax.grad(lambda x: run({by: x})[name][-1])(value)
+    try:
+        found = jax.grad(lambda x: run({by: x})[name][-1])(value)
+    except JaxRuntimeError as refusal:  # of a function that it has called back
+        raise SimulationError(str(refusal).splitlines()[-1]) from refusal
     assert float(found) == pytest.approx(slopes(subject, name)[-1], abs=differences(subject))
 
 
@@ -441,6 +475,7 @@ LINEAR: dict[str, tuple[str, str, float, dict[str, float]]] = {
     "plain": ("theta_ddot", "theta", -9.81 * np.cos(0.7), {"theta_0": 0.7}),
     "jumps": ("x_ddot", "x", -1.0, {}),
     "constraints": ("rod_force", "rod_ddot", 1.0, {}),
+    "dead_point": ("pull_force", "pull_ddot", 0.0, {"pull": 2.1}),
     "non_holonomic": ("x_ddot", "x", -2 / 3, {}),
     "orientation": ("omega_x", "H_x", 0.1, {}),
     "linkage": ("swing_ddot", "swing", FURUTA, {"swing_0": 0.0, "turn_dot_0": 0.0}),
@@ -482,6 +517,7 @@ JUMPS: dict[str, tuple[str, str, float]] = {
     "plain": ("theta", "p_theta", -1.0),
     "jumps": ("x", "x_dot", -1.0),
     "constraints": ("x", "x_dot", -(1 - LEAN**2)),  # along the circle
+    "dead_point": ("u", "u_dot", -1 / 3),
     "non_holonomic": ("x", "x_dot", -2 / 3),  # across the velocity (1, 1, 1), whose size is kept
     "linkage": ("swing", "p_swing", -1.0),
     "arrays": ("x[2]", "x_dot[2]", -0.5),
@@ -526,6 +562,7 @@ EQUATIONS = {  # a line of each, by hand
     "plain": "p_θ = m l (l θ̇ + ẋₚ cos θ + żₚ sin θ)",
     "jumps": "λ_support = −K (x − support)",
     "constraints": "rod = √(x² + y² + (z − h)²)",
+    "dead_point": "0 = z² + (x − pull)² − rod²",
     "non_holonomic": "0 = ½ m (ẋ² + ẏ² + ż²) − (3/2) · E_thermal",
     "orientation": "J_w φ̇₁ ωₓ",
     "linkage": "ṗ_turn = Q_turn − F_turn",
@@ -563,7 +600,11 @@ def try_modelica(workshop: Workshop, kind: str) -> None:
         text, model = modelica(made), "Test"
         text += in_test_model(made, subject)
     settings = rumoca.SimConfig(solver="rk-like", rtol=1e-11, atol=1e-11)
-    run = rumoca.Session().loads(text, model=model, filename="text.mo").simulate((0.0, STOP), dt=STEP, config=settings)
+    loaded = rumoca.Session().loads(text, model=model, filename="text.mo")
+    try:
+        run = loaded.simulate((0.0, STOP), dt=STEP, config=settings)
+    except rumoca.SimulationError as stop:
+        raise SimulationError(f"the solver of the Modelica tool stops: {' '.join(str(stop).split())}") from stop
     rows = np.searchsorted(run.time, T + 1e-9) - 1
     assert np.asarray(run.time)[rows] == pytest.approx(T, abs=1e-9)
     names = {
@@ -661,6 +702,8 @@ def try_live_page(workshop: Workshop, kind: str) -> None:
                 if ramp.begin == begin:
                     preset(live, name, "Ramp", rate=ramp.rate)
             reached = live.run_for(end - begin)
+            if "cannot be kept" in (said := live.text("#said")):
+                raise SimulationError(said)
         assert live.complaints == []
         exact = subject.signals(np.array([0.0, live.time]))
     shown = {name: x for name, x in exact.items() if name in reached}
@@ -702,7 +745,9 @@ def try_wasm(workshop: Workshop, kind: str) -> None:
     instance = begun(WasmLibrary(workshop.fmu(kind, platforms="wasm", fmi="3")), kind)
     for k, t in enumerate(T[:-1], start=1):
         move(instance, SUBJECTS[kind], t)
-        instance.step(t, STEP)
+        if (step := instance.advance(t, STEP)).status != OK:
+            raise SimulationError(instance.messages[-1])
+        assert step.time == pytest.approx(t + STEP)
         follows(
             read(instance, kind), {name: x[k] for name, x in SUBJECTS[kind].signals().items()}, SUBJECTS[kind].bound
         )
@@ -712,7 +757,8 @@ def advance_to(instance: Instance, t: float, end: float) -> Iterator[float]:
     """Steps to a communication point, and the instants at which the instance is in event mode on the way."""
     while t < end:
         step = instance.advance(t, end - t)
-        assert step.status == OK, instance.messages
+        if step.status != OK:
+            raise SimulationError(instance.messages[-1])
         t = step.time if step.early else end
         if step.event:
             instance.do("EnterEventMode")

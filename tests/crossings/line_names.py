@@ -12,7 +12,7 @@ from bodies import Skate  # noqa: F401 - in lines
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are
-from subjects import Buffered  # noqa: F401 - in lines
+from subjects import Buffered, Rods  # noqa: F401 - in lines
 
 from liaisons import (
     ActiveCoordinate,

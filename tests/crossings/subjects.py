@@ -27,6 +27,7 @@ from liaisons import (
     Shapes,
     Size,
     System,
+    constraint,
     hold,
     operator,
     point,
@@ -109,6 +110,40 @@ class Buffered(OscillatorChain):
         return self.room - self.u
 
 
+class Rods(Mechanism):
+    """Two rods from a fixed pin to a knee, where a bell swings, and on to an end that an operator pulls along x.
+
+    The bell hangs on a spring across the plane, so that something moves where nothing is pulled.
+    """
+
+    mass = Parameter(1.0, "kg", "mass of the knee", above=0)
+    gravity = Gravity()
+    rod = Parameter(1.0, "m", "length of each rod", above=0)
+    x = Coordinate("m", "position of the knee", start=0.5)
+    z = Coordinate("m", "height of the knee", start=-np.sqrt(0.75))
+    u = Coordinate("m", "displacement of the bell", start=0.1)
+    stiffness = Parameter(4.0, "N/m", "stiffness of the bell's spring")
+    pull = ActiveCoordinate("m", "position of the end", start=1.0)
+
+    @constraint("m2", "length of the first rod")
+    def inner(self) -> ca.SX:
+        return self.x**2 + self.z**2 - self.rod**2
+
+    @constraint("m2", "length of the second rod")
+    def outer(self) -> ca.SX:
+        return (self.x - self.pull) ** 2 + self.z**2 - self.rod**2
+
+    @point("m", "the knee")
+    def knee(self) -> dict[str, ca.SX]:
+        return {"x": self.x, "z": self.z}
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.speed_squared(self.knee) + self.dot(self.u) ** 2)
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z + self.stiffness / 2 * self.u**2
+
+
 class Ramp(NamedTuple):
     """Input that moves at a constant rate from an instant on."""
 
@@ -130,6 +165,7 @@ class Subject:
     :param ramps: operators of its active coordinates.
     :param starts: further start values.
     :param bound: of errors, relative to the size of a signal or to 1.
+    :param dead_point: instant from which on a ramp cannot be followed.
     """
 
     component: type[Component] | None
@@ -139,6 +175,7 @@ class Subject:
     starts: Mapping[str, Any] = field(default_factory=dict)
     put_together: Callable[[Path], System | Path] | None = None
     bound: float = 1e-8  # a hundred tolerances
+    dead_point: float = np.inf
 
     @property
     def start_values(self) -> dict[str, Any]:
@@ -176,6 +213,12 @@ def lengthened(t: NDArray, *, x_0: float, gravity: float, ramp: Ramp, **_: float
 
     theta, length = integrated(rates, [np.arcsin(x_0), 0.0], t)[0], np.array([ramp(s)[0] for s in t])
     return {"x": length * np.sin(theta), "z": 1 - length * np.cos(theta)}
+
+
+def stretched(t: NDArray, *, mass: float, pull: Ramp, **_: float) -> Signals:
+    """The knee of two rods of 1 m halves the way to their end, which is out of reach beyond 2 m."""
+    x = np.minimum(pull.offset + pull.rate * t, 2.0) / 2
+    return {"x": x, "z": -np.sqrt(1 - x**2), "u": 0.1 * np.cos(np.sqrt(4 / mass) * t)}
 
 
 def thermostat(t: NDArray, *, q_0: float) -> Signals:
@@ -344,6 +387,7 @@ def buffered(t: NDArray, *, bounce: float, rate: float = 0.5, room: float = 0.4)
 
 
 RAMP, PULL = Ramp(0.0, 0.3, 0.5), Ramp(1.0, 0.1)
+BEYOND = Ramp(1.0, 0.9)  # out of reach at t = 10/9
 ANGLE, REACH = Ramp(0.2, 0.4), Ramp(1.0, 0.3)
 TOP = {"omega_y_0": 0.3, "omega_z_0": 1.0}
 HELD = 2e-4  # a correction that decays by e in a sample, interpolated by polynomials of degree five
@@ -355,6 +399,10 @@ SUBJECTS: dict[str, Subject] = {
     "constraints": Subject(
         CartesianPendulum, partial(lengthened, ramp=PULL), ("gravity", 9.0), {"rod": PULL},
         {"x_0": LEAN, "z_0": 1 - np.sqrt(1 - LEAN**2), "x_dot_0": 0.1 * LEAN, "z_dot_0": -0.1 * np.sqrt(1 - LEAN**2)},
+    ),
+    "dead_point": Subject(
+        Rods, partial(stretched, pull=BEYOND), ("mass", 3.0), {"pull": BEYOND},
+        {"x_dot_0": 0.45, "z_dot_0": 0.45 / np.sqrt(3)}, dead_point=10 / 9,
     ),
     "non_holonomic": Subject(IsokineticOscillator, IsokineticOscillator.exact, ("x_0", 1.1)),
     "orientation": Subject(Satellite, Satellite.exact, ("omega_x_0", 0.2), starts=TOP),

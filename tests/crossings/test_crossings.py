@@ -16,6 +16,17 @@ from liaisons import LiaisonsError, analysis
 
 SLOW = {"wasm", "live_page", "vector_environment"}
 """They build FMUs of their own, which take seconds each; quick tests try one of them, and what is refused."""
+SLOW_AT_DEAD_POINTS = SLOW | {"event_mode", "without_arrays", "flatten", "adapted_steps", "jax", "modelica", "plan"}
+SLOW_AT_DEAD_POINTS |= {"python_back_end", "ensemble", "isolated", "fmi_3_model_exchange", "watchdog", "holonomy"}
+SLOW_AT_DEAD_POINTS |= {"dynamic_holonomy", "environment", "saved_state", "fmi_3_co_simulation", "sweep", "picture"}
+"""There even what is refused takes an FMU of its own, or a way that ends late."""
+
+
+def is_slow(cell: Cell) -> bool:
+    """Whether a cell is tried by slow tests alone."""
+    if cell.kind == "dead_point":
+        return cell.capability in SLOW_AT_DEAD_POINTS
+    return cell.capability in SLOW and cell.kind != "plain" and cell.verdict != REFUSED
 
 
 def trial(cell: Cell) -> Callable[[Workshop, str], None]:
@@ -37,7 +48,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
         pytest.param(cell, id=f"{cell.capability}-{cell.kind}", marks=[pytest.mark.slow] * slow)
         for cell in cells().values()
         if (cell.kind, cell.capability) not in trials()
-        for slow in [cell.capability in SLOW and cell.kind != "plain" and cell.verdict != REFUSED]
+        for slow in [is_slow(cell)]
     ],
 )
 def test_cell(cell: Cell, workshop: Workshop) -> None:
@@ -52,7 +63,11 @@ def test_cell(cell: Cell, workshop: Workshop) -> None:
 
 @pytest.mark.parametrize(
     ("function", "line"),
-    [pytest.param(name, line, id=f"{name}-{kind}") for (kind, name), lines in trials().items() for line in lines],
+    [
+        pytest.param(name, line, id=f"{name}-{kind}", marks=[pytest.mark.slow] * is_slow(cells()[kind, name]))
+        for (kind, name), lines in trials().items()
+        for line in lines
+    ],
 )
 def test_line(function: str, line: Trial) -> None:
     """What is refused may be refused when a quantity is evaluated."""

@@ -226,9 +226,10 @@ def _integrate_with_fixed_steps(
         errors = _step_halving_errors((fine, states), *runs, order=tableau.order if smooth else 1)
     failures = _run_failures(fine, conditions, equations.condition_texts, time)
     for case, (first, _) in failures.items() if equations.reaches else ():
-        if first and np.isnan(states[:, first, case]).all():
+        if first and not np.isfinite(fine[:, first, case]).all():
             before = each[:, case], once, states[:, first - 1, case]
-            if text := equations.out_of_reach(time[first - 1], time[first], *before):
+            end = time[min(first + 1, len(time) - 1)]  # at a dead point itself all can be kept
+            if text := equations.out_of_reach(time[first - 1], end, *before):
                 failures[case] = first, text
     return fine, failures, errors
 

@@ -40,6 +40,8 @@ _CHATTER_SPAN = 1e-12
 """Part of a step in which the events of an FMU that chatters follow one another."""
 _MOST_EVENTS = 1000
 """Number of events within that part above which the FMU chatters."""
+_AHEAD = 1e-6, 1e-3, 1.0
+"""Parts of what is left of a step, at whose ends an FMU is asked why the solver comes no further."""
 _MOST_STEPS = 100_000
 """Limit of solver steps and events in a communication step, as in our own FMUs."""
 _MOST_STATES = 10_000_000
@@ -255,6 +257,7 @@ class ModelExchange(Loaded, ABC):
                 self._handle_event()
             stuck = 0 if self._clock.value > begin + _CHATTER_SPAN * size else stuck + 1
             if stuck > _MOST_EVENTS:
+                self._check_what_follows(end)
                 raise RefusedError(
                     f"{self.name}: more than {_MOST_EVENTS} events or steps{self._time_text()}; it may chatter"
                 )
@@ -299,6 +302,19 @@ class ModelExchange(Loaded, ABC):
                 words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._time_text()}, where that is"
                 raise RefusedError(f"{self.name}: {words} {trial[k]:.10g}; choose other start values, or ask its maker")
         self.set_time_and_states(begin, states)
+
+    def _check_what_follows(self, end: float) -> None:
+        """Raise the error with which the FMU discards the instants that follow, with the present states, if it does.
+
+        :param end: of the communication step [s].
+        """
+        solver, begin = self._restart_if_stale(), self._clock.value
+        rates = np.zeros_like(solver.states)
+        for part in _AHEAD:
+            self.set_time_and_states(begin + part * (end - begin), solver.states)
+            if rates.size:
+                self._read_numbers(rates, self.derivatives_function, self._time_text())
+        self.set_time_and_states(begin, solver.states)
 
     def _check_last_call(self, solver: Dop853) -> None:
         """Raise the error of the call of the FMU that ended a step of the solver, if one did."""

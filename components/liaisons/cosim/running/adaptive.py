@@ -38,6 +38,8 @@ _MEMORY = 5
 """Number of points that are kept for the estimate."""
 _SHORTEST = 1e-12
 """Shortest step, relative to the whole time."""
+_BRINK = 1e-6
+"""Distance from the end of a refused step, relative to the whole time, nearer to which no shorter one is tried."""
 
 
 class Point(NamedTuple):
@@ -141,6 +143,7 @@ def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
     now, first, end = simulation.times
     size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
     points = [Point(now, steps.bus.values.copy(), now)]
+    since, beyond, reason = now, math.inf, RefusedError("")  # where steps begin to be refused, and a refused end
     while now < end:
         target = end if end - now <= size * (1 + 1e-9) else now + size
         stop = steps.end_before_break(now, target, size)
@@ -160,11 +163,16 @@ def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
             yield from (point._replace(result_time=point.time) for point in ends[:-1])
             yield ends[-1]._replace(result_time=stop if stop == target else None)
             now, points = stop, [*points, *ends][-_MEMORY:]
-        elif size > shortest:
-            go_back()
-        else:
-            reason = refusal or f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
-            raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
+            continue
+        if refusal is not None:
+            since, reason = (since, reason) if now < beyond < math.inf else (now, refusal)
+            beyond = min(stop, beyond) if now < beyond else stop
+            if since < now and beyond - now < _BRINK * (end - steps.simulation.times[0]):
+                raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
+        if size <= shortest:
+            why = refusal or f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
+            raise RefusedError(f"no step from t = {now:.10g} s is small enough: {why}")
+        go_back()
 
 
 def divide_steps(steps: CommunicationSteps) -> Iterator[Point]:

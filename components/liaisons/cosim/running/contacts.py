@@ -38,6 +38,8 @@ _TOUCHING = 1e-12
 """Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
 LEAST_IMPULSE = 1e-8
 """Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
+_UNSURE = 16.0, 16.0, 6.0
+"""Error of a distance inside a step, in units of that of the inputs, by none, one and both of the points beside it."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -84,6 +86,45 @@ def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableR
     return sums
 
 
+class UnresolvedContact(NamedTuple):
+    """A step in which a distance comes nearer to 0 than it is known: its end [s] and size [s], distance, and error.
+
+    :param contact: number of the contact.
+    """
+
+    contact: int
+    time: float
+    size: float
+    least: float
+    error: float
+
+    def warn(self, contact: str, unit: str, connection: str, power: int) -> None:
+        """Warn that a contact may have been missed, with the step size that would show it.
+
+        :param power: of the step size in the error.
+        """
+        size = self.size * min((max(abs(self.least), self.error / 10) / (4 * self.error)) ** (1 / power), 0.5)
+        logger.warning(
+            "%s: it comes as near as %.2g %s before t = %.6g s, but is known to %.2g %s there, as %s is handed over by "
+            "steps of %.3g s: a contact may be missed, or one too many; a step_size of %.1g s would tell",
+            contact,
+            max(self.least, 0.0),
+            unit,
+            self.time,
+            self.error,
+            unit,
+            connection,
+            self.size,
+            rounded_down(size),
+        )
+
+
+def rounded_down(size: float) -> float:
+    """A number > 0, rounded down to one digit."""
+    digit = 10.0 ** math.floor(math.log10(size))
+    return math.floor(size / digit) * digit
+
+
 def accumulated_errors(
     mechanism: ContactMechanism,
     rows: Vector,
@@ -92,23 +133,27 @@ def accumulated_errors(
     added: Vector,
     *,
     crossing: NDArray[np.bool_],
-) -> Vector:
+) -> tuple[Vector, UnresolvedContact | None]:
     """Error of a mechanism with contacts at each point, relative to its largest distance and rate, at most 1.
+
+    A distance that falls and rises within a step, without an impact, is held against its error there: the FMU knows
+    it up to what its inputs are off by, and up to what impacts have made of that until then.
 
     :param rows: values of the bus, shape (points, width).
     :param off: mean error of the inputs in the step that ends at a point, in units of distances.
     :param added: error that the step adds to the motion otherwise, relative to its size.
     :param crossing: which points are ends of tiny steps, in which impacts are not always counted.
-    :returns: shape (points,).
+    :returns: shape (points,), and the step in which a contact is least sure to be seen.
     """
     steps, errors = np.diff(times), np.zeros(len(times))
+    doubtful: UnresolvedContact | None = None
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
     length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
     if length < _TOUCHING * np.abs(rows[:, sorted(mechanism.inputs)]).max(initial=0.0):
-        return errors
+        return errors, None
     if max(length, speed) > _DIVERGED:
         errors[1:] = 1.0
-        return errors
+        return errors, None
     tiny = crossing[1:]
     turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
     struck = (np.diff(impacts) != 0) | (tiny & turned)
@@ -116,6 +161,7 @@ def accumulated_errors(
     accelerations = _accelerations(rates, steps, struck | tiny)
     lowest = _lower_bounds(gaps, rates, accelerations, steps)
     at_rest = np.all(closed != 0, axis=0)
+    dips, unsure = _dips(gaps, rates, times, ~struck & ~tiny & (closed[:, :-1] == 0) & (closed[:, 1:] == 0))
     xx = xv = vv = 0.0
     for k, H in enumerate(steps.tolist()):
         d, d_dot = _PEAK * off[k + 1], _SLOPE * off[k + 1] / H
@@ -136,12 +182,15 @@ def accumulated_errors(
                 )
             elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
+            error, least = unsure[c, k] * reach, dips[c, k]
+            if abs(least) < error and (doubtful is None or error - least > doubtful.error - doubtful.least):
+                doubtful = UnresolvedContact(c, times[k + 1], H, least, error)
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
         errors[k + 1] = min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
         if at_rest[k + 1]:
             xx = xv = vv = 0.0
-    return errors
+    return errors, doubtful
 
 
 def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
@@ -165,6 +214,41 @@ def _lower_bounds(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vec
     leaving = (accelerations > 0) & (np.append(accelerations[:, :1], accelerations[:, :-1], axis=1) > 0)
     falls_and_rises = (rates[:, :-1] < np.where(leaving, 0.0, slack)) & (rates[:, 1:] > -slack)
     return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
+
+
+def _dips(gaps: Vector, rates: Vector, times: Vector, watched: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    """Least distance inside each step, infinite where it is that of an end, and how unsure it is.
+
+    It is that of the polynomial through ends of steps and the points beside them; its error is told in units of that
+    of the inputs, which follow quintics through the ends.
+
+    :param watched: steps without impacts, whose distances are looked at.
+    """
+    least, unsure, steps = np.full(watched.shape, math.inf), np.zeros(watched.shape), np.diff(times)
+    fastest = np.maximum(np.abs(rates[:, :-1]), np.abs(rates[:, 1:]))
+    fastest = np.maximum.reduce([fastest, np.roll(fastest, 1, axis=1), np.roll(fastest, -1, axis=1)])
+    near = watched & (np.minimum(gaps[:, :-1], gaps[:, 1:]) < steps * fastest)
+    before, after = np.zeros((2, *watched.shape), dtype=bool)
+    before[:, 1:], after[:, :-1] = watched[:, :-1], watched[:, 1:]
+    theta = np.linspace(0, 1, 65)[:, None]
+    for left, right in ((False, False), (True, False), (False, True), (True, True)):
+        contact, step = np.nonzero(near & (before == left) & (after == right))
+        points = step + np.repeat(np.arange(-left, 2 + right), 2)[:, None]
+        x = (times[points] - times[step]) / steps[step]
+        table, slopes, coefficients = gaps[contact, points], rates[contact, points] * steps[step], list[Vector]()
+        for order in range(1, len(points) + 1):
+            coefficients.append(table[0])
+            spans = x[order:] - x[:-order]
+            quotients = np.diff(table, axis=0) / np.where(spans > 0, spans, 1.0)
+            table = np.where(spans > 0, quotients, slopes[: len(spans)])
+        value = np.zeros((len(theta), len(step)))
+        for node, coefficient in zip(x[::-1], coefficients[::-1], strict=True):
+            value = value * (theta - node) + coefficient
+        lowest = value.argmin(axis=0) if len(step) else step
+        inside = (lowest > 0) & (lowest < len(theta) - 1)
+        least[contact, step] = np.where(inside, value.min(axis=0, initial=math.inf), math.inf)
+        unsure[contact, step] = _UNSURE[left + right]
+    return least, unsure
 
 
 def _restitution_and_speed(gap: float, rates: Vector, change: float, acceleration: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import floor, gamma, log10
+from math import gamma
 from typing import Literal, final
 
 import numpy as np
@@ -21,7 +21,12 @@ from numpy.typing import NDArray
 from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import ContactMechanism, accumulated_errors
+from liaisons.cosim.running.contacts import (
+    ContactMechanism,
+    UnresolvedContact,
+    accumulated_errors,
+    rounded_down,
+)
 from liaisons.cosim.structure.schedule import VariableReference
 
 Flags = NDArray[np.bool_]
@@ -102,8 +107,7 @@ class Worst:
     def _sufficient_step_size(self, total: float) -> float:
         """Step size [s] that keeps the total below :data:`ALLOWED`, rounded down to one digit."""
         size = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
-        digit = 10.0 ** floor(log10(size))
-        return floor(size / digit) * digit
+        return rounded_down(size)
 
 
 @final
@@ -127,6 +131,7 @@ class Estimate:
     :ivar can_estimate: whether any error can be estimated.
     :ivar worst: the largest error of a step; None if all are 0.  ``total`` is that of all steps.  Of both, angles are
         relative to 1 rad at least, as what they move is off by that part of its distance.
+    :ivar doubtful: steps in which contacts are least sure to be seen, with what their warnings name.
     """
 
     def __init__(
@@ -151,7 +156,7 @@ class Estimate:
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
         self._are_angles = np.array([units[column] == "rad" for column in self._targets], dtype=bool)
         self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
-        self._kinds = kinds
+        self._kinds, self._units = kinds, units
         owners = {column: owner for (owner, _), column in columns.items()}
         self._mechanisms = [
             _Watched(
@@ -168,6 +173,7 @@ class Estimate:
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
         self.total = 0.0
+        self.doubtful: list[tuple[UnresolvedContact, tuple[str, str, str, int]]] = []
 
     def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
         """The error that each step adds, relative to the largest value of the signal's unit in the run.
@@ -208,14 +214,17 @@ class Estimate:
         # One alone may be 0 by chance.
         off = np.fmax(np.fmax(off, np.append(off[1:] * shorter[1], 0.0)), np.append(0.0, off[:-1] * shorter[0]))
         off[crossing] = 0.0  # an impact there is solved by itself
-        increase = np.diff(
-            accumulated_errors(watched.mechanism, rows, times, off, added, crossing=crossing), prepend=0.0
-        )
+        sums, doubtful = accumulated_errors(watched.mechanism, rows, times, off, added, crossing=crossing)
+        increase = np.diff(sums, prepend=0.0)
         latest = int(np.argmax(increase))
         if watched.items:
             item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
             distance, size = watched.mechanism.contacts[0, 0], steps[latest]
             self._update_worst(increase[latest], times[latest], distance, item, size)
+            if doubtful is not None:
+                column = int(watched.mechanism.contacts[doubtful.contact, 0])
+                about = self._names[column], self._units[column], item.name, item.step_size_power - 1
+                self.doubtful.append((doubtful, about))
         return increase
 
     def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:

@@ -752,6 +752,8 @@ class Run:
             logger.warning(words, result.title, len(late), len(self.lateness), max(late))
         if self._estimate.worst is not None and not self._missing:
             self._estimate.worst.warn(float(np.nansum(self._errors)) if self._errors else self._estimate.total)
+        for contact, about in self._estimate.doubtful:
+            contact.warn(*about)
         return result
 
     def _errors_by_point(self, in_result: Indices) -> Vector:

@@ -232,9 +232,11 @@ class Motion:
             n.u[:] = start
             self.apply_function("inputs")
             self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
+        now, n.u[:] = n.u.copy(), start  # inputs of the communication step's begin, from which others follow
         for ahead in np.geomspace(_SMALLEST, 1e-2, 100) if self._component.reaches else ():
             if beyond := self._out_of_reach(x + ahead * (end - begin), n.y):
                 raise MotionError(beyond)
+        n.u[:] = now
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
         raise MotionError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
