@@ -16,8 +16,7 @@ from liaisons.fmu_pages.page import index_page
 from liaisons.fmu_pages.sources import bibliography
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
-from liaisons.mechanics import assemble, derive
-from liaisons.mechanics.printing import of_mechanism
+from liaisons.mechanics import assemble, derive, mechanism_equations
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
 from liaisons_catalogue.pendulum_chain import PendulumChain
 
@@ -30,7 +29,7 @@ _FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
 @pytest.mark.parametrize("component", [c for c in CATALOGUE if issubclass(c, Mechanism)], ids=lambda c: c.__name__)
 def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> None:
     solved = derive(component)
-    m, printed = solved.mechanism, of_mechanism(solved)
+    m, printed = solved.mechanism, mechanism_equations(solved)
     turns = [f"{name}_dot" for turn in m.orientations for name in turn.momenta]
     rates = [*(suffixed_name(f"p_{q.name}", "_dot") for q in m.coordinates), *turns]
     known = dict(zip(rates, ca.vertsplit(solved.momentum_rates), strict=True))

@@ -6,12 +6,13 @@ With this package loaded, :mod:`liaisons.mechanics` derives models with contacts
 from liaisons.contacts.declarations import dry_friction, unilateral
 from liaisons.contacts.forces import Compliance
 from liaisons.contacts.modes import contact_numbers, contact_thresholds, contacts_of, functions_in_modes, refuse_many
-from liaisons.contacts.printing import contact_equations, friction_equations
+from liaisons.contacts.printing import contact_equations, contact_laws, friction_equations
 from liaisons.mechanics import contacts_by
 
 __all__ = [
     "Compliance",
     "contact_equations",
+    "contact_laws",
     "contact_numbers",
     "contact_thresholds",
     "contacts_of",

@@ -3,6 +3,7 @@
 from liaisons.formulas.displayed import DisplayedEquations, of_component, of_model
 from liaisons.formulas.laws import LAWS
 from liaisons.formulas.mathml import MathML
+from liaisons.formulas.modelica import UnsupportedError, modelica_expression
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.terms import Formula, Term
 from liaisons.formulas.writing import formula
@@ -14,7 +15,9 @@ __all__ = [
     "MathML",
     "Notation",
     "Term",
+    "UnsupportedError",
     "formula",
+    "modelica_expression",
     "of_component",
     "of_model",
 ]

@@ -19,7 +19,7 @@ from itertools import combinations
 
 import casadi as ca
 
-from liaisons.expressions.operations import NAMES, interpret, operation_codes
+from liaisons.expressions import interpret, operation_codes
 
 Coefficient = Fraction | float
 Exponent = int | Fraction
@@ -298,10 +298,8 @@ _ARITHMETIC: Mapping[int, Callable[..., Polynomial]] = {
     ca.OP_AND: Algebra.times,
 }
 _FUNCTIONS: Mapping[int, str] = {
-    code: name
-    for code, name in NAMES.items()
-    if name
-    in (
+    getattr(ca, f"OP_{name.upper()}"): name
+    for name in (
         *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
         *("exp", "log", "atan2", "fabs", "sign", "floor", "ceil", "fmod", "fmin", "fmax", "erf"),
         *("lt", "le", "eq", "ne", "or", "copysign", "expm1", "log1p"),

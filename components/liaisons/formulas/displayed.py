@@ -14,7 +14,7 @@ import casadi as ca
 
 from liaisons.base.array_names import suffixed_name
 from liaisons.companion import CITATION
-from liaisons.errors import ComponentError, ProjectError, suggestion
+from liaisons.errors import ProjectError, suggestion
 from liaisons.formulas import symbolic
 from liaisons.formulas.latex import LaTeX
 from liaisons.formulas.laws import LAWS, Law
@@ -25,8 +25,7 @@ from liaisons.formulas.terms import Formula, Name, Term
 from liaisons.formulas.unicode import Unicode, width, wrapped_lines
 from liaisons.formulas.writing import formula
 from liaisons.language import Component, Mechanism
-from liaisons.mechanics import Equation, Model, assemble, derive
-from liaisons.mechanics.printing import of_accelerations, of_hamiltonian, of_operators
+from liaisons.mechanics import Equation, Model, assemble, further_equations
 
 _TOO_LONG = "Too long to be read: {}; the FMU's sources have them in C."
 _OF_ALL = ("hamiltonian", "canonical")
@@ -198,12 +197,8 @@ def of_component(component: type[Component]) -> DisplayedEquations:
     shown = of_model(assemble(component))
     if not issubclass(component, Mechanism):
         return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
-    derived, notes = derive(component), dict[str, str]()
-    further = (*of_operators(derived), *of_accelerations(derived))
-    try:
-        further += of_hamiltonian(derived)
-    except ComponentError as reason:
-        notes["hamiltonian"] = f"{reason}."
+    further, reason = further_equations(component)
+    notes = {"hamiltonian": f"{reason}."} if reason else {}
     order = list(LAWS)
     every = sorted((*shown.equations, *further), key=lambda equation: order.index(equation.section))
     prescribed = {s.name: s.start for s in component.actives}

@@ -8,7 +8,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from html import unescape
 
-from liaisons.mechanics.model import Model, contact_names
+from liaisons.language import Component
+from liaisons.mechanics import Model, assemble
 
 # Letters that everybody uses for these words; a declaration may have another one.
 _LETTERS = {
@@ -72,8 +73,15 @@ class Notation:
     def from_model(cls, model: Model) -> Notation:
         """Return the notation of a model's variables."""
         symbols = {v.name: v.symbol for v in model.variables if v.symbol}
-        upheld = {name.partition("[")[0] for name in (*(a.value for a in model.active), *contact_names(model))}
+        upheld = {
+            name.partition("[")[0] for name in (*(a.value for a in model.active), *(c.name for c in model.contacts))
+        }
         return cls([v.name for v in model.variables], upheld, symbols)
+
+    @classmethod
+    def from_component(cls, component: type[Component]) -> Notation:
+        """Return the notation of a component's variables."""
+        return cls.from_model(assemble(component))
 
     def rank(self, name: str) -> int:
         """Return the index of a name; that of an unknown one is the number of names."""

@@ -25,6 +25,8 @@ from liaisons.mechanics.pictures import Drawing
 from liaisons.mechanics.printing import (
     constraint_equations,
     dissipation_equation,
+    further_equations,
+    mechanism_equations,
     row_equations,
 )
 
@@ -57,8 +59,10 @@ __all__ = [
     "derive",
     "derive_by",
     "dissipation_equation",
+    "further_equations",
     "impulsive_operators",
     "mechanical_outputs",
+    "mechanism_equations",
     "memory_names",
     "model_functions",
     "refuse_contacts",

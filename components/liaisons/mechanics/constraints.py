@@ -46,6 +46,7 @@ class Constraints:
     residuals: ca.SX  # violations (c,)
     rate_residuals: ca.SX  # violations of the derivatives; of non-holonomic constraints, the violations (c,)
     holonomic: tuple[int, ...]  # rows, passive or rheonomic
+    alpha: float  # a residual r obeys r̈ + 2α ṙ + α² r = 0, of a non-holonomic constraint ṙ + α r = 0 [1/s]
 
 
 def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Constraints:
@@ -78,6 +79,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
         residuals=residuals,
         rate_residuals=rate_residuals,
         holonomic=tuple(i for i in range(len(rows)) if not first <= i < last),
+        alpha=alpha,
     )
 
 

@@ -20,7 +20,7 @@ from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, Reach, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.mechanics.printing import of_mechanism
+from liaisons.mechanics.printing import mechanism_equations
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -105,7 +105,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         margin=None if margin.is_constant() else ca.Function("margin", point, [margin]),
         reaches=reaches,
         configuration=tuple(m.motion_names("quaternion")),
-        equations=of_mechanism(equations) if own is None else own,
+        equations=mechanism_equations(equations) if own is None else own,
         picture=shown.document,
         drawn=shown.variables,
     )

@@ -12,17 +12,17 @@ import numpy as np
 from liaisons.algebra import at_zero, gradient, solve_symmetric, stack
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError
-from liaisons.language import ParameterArray, Sampled, SignalComponent
+from liaisons.language import Mechanism, ParameterArray, Sampled, SignalComponent
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.contacts import contact_method
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Equation
 
 _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
 
 
-def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
+def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of a mechanism: Lagrangian, momenta, motion, constraints, contacts, operators' forces, outputs."""
     m = equations.mechanism
     method = contact_method(m.contact_formulas)
@@ -59,13 +59,26 @@ def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
     )
 
 
+def further_equations(component: type[Mechanism]) -> tuple[tuple[Equation, ...], str]:
+    """Equations of operators, accelerations and Hamilton's mechanics, which are for reading only.
+
+    :returns: the equations, and why there are none of Hamilton's mechanics; empty if there are.
+    """
+    equations = derive(component)
+    further = (*_operator_equations(equations), *_acceleration_equations(equations))
+    try:
+        return (*further, *_hamiltonian_equations(equations)), ""
+    except ComponentError as reason:
+        return further, str(reason)
+
+
 def dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
     """Yield the dissipation function as an equation, unless it is 0."""
     if not function.is_zero():
         yield Equation(section, "D", function)
 
 
-def of_operators(equations: Equations) -> tuple[Equation, ...]:
+def _operator_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of the operators: power of each, and multipliers of constraints as solved for."""
     m, lambdas = equations.mechanism, _solved_multipliers(equations)
     powers = row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
@@ -83,7 +96,7 @@ def _solved_multipliers(equations: Equations) -> ca.SX | None:
     return solve_symmetric(C @ solve_symmetric(A, C.T), targets - C @ solve_symmetric(A, equations.forces))
 
 
-def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
+def _acceleration_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of accelerations, and of A and h in A ẍ + h = 0, with symbols λ, without drives and loads."""
     m, A = equations.mechanism, equations.mass_matrix
     alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
@@ -114,7 +127,7 @@ def _solved_accelerations(A: ca.SX, forces: ca.SX) -> ca.SX:
     return over / (A[0, 0] * A[1, 1] - A[0, 1] ** 2)
 
 
-def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
+def _hamiltonian_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of the Hamiltonian H of all coordinates, prescribed ones, too, and canonical ones (M eq. 36-38).
 
     :raises ComponentError: where Legendre's transformation does not exist.

@@ -7,8 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Mechanism, Operator
-from liaisons.language.component import Component
+from liaisons.language import Component, Mechanism, Operator
 from liaisons.modelica_text.text import string_literal
 
 MOST_SHAPES, MOST_POINTS = 6, 12

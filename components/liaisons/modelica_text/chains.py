@@ -1,16 +1,14 @@
 """The motion of chains as a model: one loop over the links."""
 
-from collections.abc import Iterable
-
 import casadi as ca
 
-from liaisons.algebra import gradient
+from liaisons import Chain
+from liaisons.algebra import stack
 from liaisons.base import units
-from liaisons.chains import Chain, link_of
+from liaisons.chains import link_of
 from liaisons.formulas import Notation
 from liaisons.language import Variable
-from liaisons.mechanics import assemble
-from liaisons.mechanics.model import refuse_contacts
+from liaisons.mechanics import refuse_contacts
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
@@ -34,23 +32,23 @@ def chain_motion_model(component: type[Chain]) -> list[str]:
     """
     refuse_contacts(component, "Modelica text of a chain", "import its FMU")
     m, axes = component(), component.joint.axes
-    link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
+    link, points, notation = link_of(m), [*m.point_components()], Notation.from_component(component)
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
-    pi, phi, pi_dot = (_new_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    pi, phi, pi_dot = (stack(ca.SX.sym(f"{name}_{axis}") for axis in axes) for name in ("pi", "phi", "pi_dot"))
     beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
-    Q, attached = (_new_column(f"Q_{name}" for name in group) for group in (names, points))
+    Q, attached = (stack(ca.SX.sym(f"Q_{name}") for name in group) for group in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
     indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
     loop, outside = Section(notation, indexed, "[i]"), Section(notation, {str(x): f"{x}[1]" for x in beyond})
 
     L, F_q, F_w, F_dot = T - link.potential, ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
-    p_v, p_w = gradient(T, v), gradient(T, w_dot)
+    p_v, p_w = ca.jacobian(T, v).T, ca.jacobian(T, w_dot).T
 
     def generalised_force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
         """Return the force along x: ∂L/∂x, outer forces, friction, and the forces of the links beyond."""
         applied = ca.jacobian(link.points, x).T @ attached - link.friction.forces_against(x_dot)
-        return gradient(L, x) + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
+        return ca.jacobian(L, x).T + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
 
     def momentum_rate(p: ca.SX, slope: ca.SX) -> ca.SX:
         """Return the rate of a momentum p, with the momenta of the links beyond."""
@@ -134,11 +132,6 @@ def _units_of_chain(m: Chain) -> dict[str, str]:
         }
         unit |= {f"pi_{axis}": units.momentum(of), f"phi_{axis}": units.force(of), f"pi_dot_{axis}": units.force(of)}
     return unit
-
-
-def _new_column(names: Iterable[str]) -> ca.SX:
-    """Return a column of new symbols."""
-    return ca.vertcat(*map(ca.SX.sym, names), ca.SX(0, 1))
 
 
 def _start_literal(v: Variable) -> str:

@@ -2,10 +2,9 @@
 
 from collections.abc import Collection, Iterable
 
-from liaisons.chains import Chain
-from liaisons.language import Mechanism, Operator
-from liaisons.language.component import Component
-from liaisons.mechanics.model import refuse_samples
+from liaisons import Chain
+from liaisons.errors import ComponentError
+from liaisons.language import Component, Mechanism, Operator
 from liaisons.modelica_text.annotations import annotation
 from liaisons.modelica_text.chains import chain_motion_model
 from liaisons.modelica_text.faces import interface_models, used_interfaces
@@ -46,7 +45,8 @@ def _standalone_text(package: list[str]) -> str:
 
 def _component(component: type[Component]) -> list[str]:
     """Return the lines of the package of a component."""
-    refuse_samples(component, "Modelica text", "import its FMU")
+    if component.is_sampled():
+        raise ComponentError(f"{component.__name__}: Modelica text takes no samples of inputs; import its FMU")
     if issubclass(component, Operator):
         classes = operator_classes(component)
     else:

@@ -9,12 +9,10 @@ from itertools import combinations
 
 import casadi as ca
 
-from liaisons.algebra import solve_symmetric
 from liaisons.base import units
-from liaisons.contacts import contact_numbers, contacts_of
+from liaisons.contacts import contact_laws
 from liaisons.errors import ComponentError
-from liaisons.mechanics.constraints import STABILISATION
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics import Equations
 from liaisons.modelica_text.text import Section, declaration, statement_lines
 
 # Bounces lower than 1e-12 of the gap's scale are left out; impacts after a fall from higher than 1e-6 of it count.
@@ -52,14 +50,11 @@ def add_contacts(
     :returns: declarations of discrete variables, initial equations, and lines of equations with events.
     :raises ComponentError: for contacts that act on each other, on constraints or on orientations.
     """
-    m, contacts = e.mechanism, contacts_of(e.mechanism)
-    if not contacts:
+    laws = contact_laws(e)
+    if laws is None:
         return [], [], []
-    numbers = contact_numbers(m)
-    along = ca.jacobian(numbers["v"], m.free.q_dot)
-    compliance = ca.sparsify(along @ solve_symmetric(e.mass_matrix, along.T))
-    held = e.in_motion(m.dot(numbers["v"]))
-    freely = with_outer_forces(ca.substitute(held, m.contact_forces, ca.SX.zeros(len(contacts))))
+    m, contacts, numbers, along, compliance = e.mechanism, laws.contacts, laws.numbers, laws.along, laws.compliance
+    freely, alpha = with_outer_forces(laws.free_accelerations), e.constraints.alpha
     pairs = combinations(range(len(contacts)), 2)
     coupled = any(c.normal for c in contacts) or any(compliance.has_nz(i, j) for i, j in pairs)
     if coupled or e.constraints.residuals.numel() or m.orientations:
@@ -87,8 +82,8 @@ def add_contacts(
             for k, q in enumerate(m.coordinates)
             if along.has_nz(i, k)
         ]
-        words = {"n": n, "v": v, "a": a, "low": _LOW.format(n=n, v=v, a=a), "square": STABILISATION**2}
-        words |= {"held": f"{a} + {2 * STABILISATION:g}*{v}", "jumps": " ".join(jumps).replace("(1)*", "")}
+        words = {"n": n, "v": v, "a": a, "low": _LOW.format(n=n, v=v, a=a), "square": alpha**2}
+        words |= {"held": f"{a} + {2 * alpha:g}*{v}", "jumps": " ".join(jumps).replace("(1)*", "")}
         lines = (_FRICTION if c.friction else _GAP).format_map(words).splitlines()
         clauses += [line for statement in lines for line in statement_lines(statement)]
         free = section.write_expression(freely[i])

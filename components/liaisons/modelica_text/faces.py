@@ -2,9 +2,15 @@
 
 import re
 
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.modelica_text.printer import identifier
-from liaisons.modelica_text.text import component_clause, filled_lines, model_lines, number_literal, units_of
+from liaisons.language import MechanicalComponent
+from liaisons.modelica_text.text import (
+    component_clause,
+    filled_lines,
+    identifier,
+    model_lines,
+    number_literal,
+    units_of,
+)
 
 ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
 _INTERFACES = """\

@@ -10,7 +10,7 @@ from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.language import Experiment, Mechanism
-from liaisons.library import Target, component, components, is_named
+from liaisons.library import Target, components, is_named
 from liaisons.modelica_text.classes import component_text, library_text, system_text
 from liaisons.modelica_text.standard_library import with_standard_library
 from liaisons.modelica_text.systems import Composition
@@ -70,7 +70,7 @@ def _composition(subject: System) -> Composition:
     for connection in subject.connections:
         if connection.conversion != SAME:
             raise SimulationError(f"{subject.name}: {connection} converts values; use one unit in Modelica")
-    chosen = {name: (component(part.fmu.model_name), part.starts) for name, part in parts.items()}
+    chosen = {name: (components(part.fmu.model_name)[0], part.starts) for name, part in parts.items()}
     connections = {str(connection.target): str(connection.source) for connection in subject.connections}
     longest = max((component.experiment for component, _ in chosen.values()), key=lambda e: e.stop_time)
     return Composition(identifier(subject.name), chosen, connections, longest)

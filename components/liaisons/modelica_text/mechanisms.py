@@ -1,6 +1,5 @@
 """The motion of mechanisms as a model."""
 
-import math
 from collections.abc import Iterator
 from functools import partial
 
@@ -10,14 +9,9 @@ from liaisons.algebra import stack
 from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.formulas import Notation
-from liaisons.formulas.writing import LONGEST
 from liaisons.language import Mechanism
-from liaisons.mechanics import assemble, derive
-from liaisons.mechanics.constraints import STABILISATION
-from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.printing import of_mechanism
+from liaisons.mechanics import Equations, derive, mechanism_equations
 from liaisons.modelica_text.contacts import add_contacts
-from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
@@ -25,6 +19,7 @@ from liaisons.modelica_text.text import (
     component_clause,
     declaration,
     filled_lines,
+    identifier,
     model_lines,
     parameters,
     string_literal,
@@ -40,10 +35,10 @@ def motion_model(component: type[Mechanism]) -> list[str]:
     if e.convergence.shape[0]:
         text = "Modelica text takes no Lagrangian that is not quadratic in the rates; import its FMU"
         raise ComponentError(f"{component.__name__}: {text}")
-    m, section = e.mechanism, Section(Notation.from_model(assemble(component)))
+    m, section = e.mechanism, Section(Notation.from_component(component))
     conditions = bound_assertions((*m.parameters, *m.actives, *m.coordinates))
     for item in m.assertions:
-        if distance := section.write_expression(getattr(m, item.name), LONGEST):
+        if distance := section.write_expression(getattr(m, item.name), readable=True):
             conditions.append(f"assert({distance} > 0, {string_literal(item.description)});")
         else:
             section.unsaid.append(item.name)
@@ -52,7 +47,7 @@ def motion_model(component: type[Mechanism]) -> list[str]:
     unit = units_of(m)
     discrete, contact_starts, clauses = add_contacts(e, section, unit, partial(_with_outer_forces, e))
     for item in m.calculated_parameters:
-        section.add(item.name, m.expression_of(item), LONGEST)
+        section.add(item.name, m.expression_of(item), readable=True)
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))
@@ -78,7 +73,7 @@ def _add_laws(e: Equations, section: Section) -> None:
     section.statements += [f"der({identifier(q.name)}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
-    for law in of_mechanism(e):
+    for law in mechanism_equations(e):
         right, name = _with_outer_forces(e, law.right), law.left.removesuffix("_dot")
         if law.section in ("motion", "internal") or law.left in quaternions:
             section.add(f"der({name})", right)
@@ -87,7 +82,7 @@ def _add_laws(e: Equations, section: Section) -> None:
             if name in accelerated:
                 section.add(f"der({name})", accelerated[name])
         if law.section in ("forces", "points", "outputs"):
-            section.add(law.left, right, LONGEST if law.section == "outputs" else math.inf)
+            section.add(law.left, right, readable=law.section == "outputs")
     for i, o in enumerate(m.orientations):  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
         attitude, own = getattr(m, o.name), slice(count + 3 * i, count + 3 * i + 3)
         p = momenta[own]
@@ -108,12 +103,12 @@ def _add_constraints(e: Equations, section: Section) -> None:
     """Write the residuals r of constraints and their decay: r̈ + 2α ṙ + α² r = 0, non-holonomic ṙ + α r = 0."""
     m, constraints = e.mechanism, e.constraints
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
-        name, rate = f"{item.name}_residual", constraints.rate_residuals[i]
+        name, rate, alpha = f"{item.name}_residual", constraints.rate_residuals[i], constraints.alpha
         section.add(name, constraints.residuals[i])
-        decay = f"-{STABILISATION:g}*{name}"
+        decay = f"-{alpha:g}*{name}"
         if i in constraints.holonomic:
             section.add(f"{name}_dot", rate)
-            decay = f"-{2 * STABILISATION:g}*{name}_dot - {STABILISATION**2:g}*{name}"
+            decay = f"-{2 * alpha:g}*{name}_dot - {alpha**2:g}*{name}"
         section.add(decay, m.dot(rate))
 
 

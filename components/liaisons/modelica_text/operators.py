@@ -6,10 +6,9 @@ from functools import partial
 import casadi as ca
 
 from liaisons.algebra import stack
-from liaisons.expressions.operations import interpret
+from liaisons.expressions import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
-from liaisons.mechanics import assemble
 from liaisons.modelica_text.text import (
     Section,
     bound_assertions,
@@ -52,7 +51,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     vars(operator)["signal"] = partial(_with_if_else, operator.signal)
     columns = [stack(operator.triple()), operator.internal_rate_column()]
     # Rows of a table change without an event.
-    section = Section(Notation.from_model(assemble(component)), {"t": "time"}, events=not operator.lookups)
+    section = Section(Notation.from_component(component), {"t": "time"}, events=not operator.lookups)
     symbols, entries = [], []
     read = {x.element_hash() for x in ca.symvar(stack(columns))}
     for count, lookup in enumerate(operator.lookups, start=1):

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 from liaisons.errors import ComponentError
-from liaisons.language import Experiment, Operator
-from liaisons.language.component import Component
+from liaisons.language import Component, Experiment, Operator
 from liaisons.modelica_text.text import model_lines, modification, number_literal
 
 Starts = Mapping[str, Any]

@@ -10,16 +10,25 @@ from typing import final
 import casadi as ca
 
 from liaisons.errors import ComponentError
-from liaisons.formulas import Notation, formula
-from liaisons.language import Experiment, Variable
-from liaisons.language.component import Component
-from liaisons.language.declarations import Symbol
-from liaisons.modelica_text.printer import UnsupportedError, expression, identifier
+from liaisons.formulas import Notation, UnsupportedError, formula, modelica_expression
+from liaisons.language import Component, Experiment, Symbol, Variable
 
 WIDTH = 116
 MOTION = 'partial model Motion "Equations of motion"'
 WORD = r"(?<![\w.'])[A-Za-z_]\w*(?!\w*[('])"
+_RESERVED = re.compile(
+    "algorithm|and|annotation|assert|block|break|class|connect|connector|constant|constrainedby|"
+    "der|discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|"
+    "extends|external|false|final|flow|for|function|if|import|impure|in|initial|inner|input|"
+    "loop|model|not|operator|or|outer|output|package|parameter|partial|protected|public|pure|"
+    "record|redeclare|replaceable|return|stream|then|time|true|type|when|while|within"
+)
 STRING = r'"(?:[^"\\]|\\.)*"'
+
+
+def identifier(name: str) -> str:
+    """Return a name in quotes where it is a reserved word."""
+    return f"'{name}'" if _RESERVED.fullmatch(name) else name
 
 
 def number_literal(value: float | tuple[float, ...]) -> str:
@@ -159,29 +168,40 @@ class Section:
     variables: dict[str, None] = field(default_factory=dict)  # in the order of their first use
     _abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
 
-    def write_expression(self, right: ca.SX, longest: float = math.inf) -> str | None:
-        """Write the abbreviations of a formula and return it; None if it is too long or Modelica lacks a function."""
-        tree = formula(right, self.notation, longest, breaks=True)
+    def write_expression(self, right: ca.SX, *, readable: bool = False) -> str | None:
+        """Write the abbreviations of a formula and return it; None if Modelica lacks a function.
+
+        :param readable: None, too, if it is too long to be read.
+        """
+        longest = {} if readable else {"longest": math.inf}
+        tree = formula(right, self.notation, **longest, breaks=True)
         if tree is None:
             return None
         local = dict(self.names)
+
+        def write_name(name: str) -> str:
+            return local.get(name, identifier(name))
+
         try:
             for name, term in tree.where:
-                text = expression(term, local, events=self.events)
+                text = modelica_expression(term, write_name, events=self.events)
                 if text not in self._abbreviations:
                     short = f"{self.notation.unused_letter()}_{len(self._abbreviations) + 1}"
                     self._abbreviations[text] = short
                     self.statements.append(f"{short}{self.index} = {text};")
                 local[name.name] = self._abbreviations[text] + self.index
-            result = expression(tree.term, local, events=self.events)
+            result = modelica_expression(tree.term, write_name, events=self.events)
         except UnsupportedError:
             return None
         self.variables |= dict.fromkeys(map(str, ca.symvar(right)))
         return result
 
-    def add(self, left: str, right: ca.SX, longest: float = math.inf) -> None:
-        """Write an equation; one that is too long, or has a function that Modelica lacks, is noted in ``unsaid``."""
-        text = self.write_expression(right, longest)
+    def add(self, left: str, right: ca.SX, *, readable: bool = False) -> None:
+        """Write an equation; one that has a function that Modelica lacks is noted in ``unsaid``.
+
+        :param readable: so is one that is too long to be read.
+        """
+        text = self.write_expression(right, readable=readable)
         if text is None:
             self.unsaid.append(left)
         else:

@@ -1,8 +1,8 @@
-"""Formulas as Modelica expressions."""
+"""Printer of formulas as Modelica expressions."""
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable
 
 from liaisons.formulas.terms import (
     Addition,
@@ -16,14 +16,6 @@ from liaisons.formulas.terms import (
     Root,
     Term,
     summands,
-)
-
-_RESERVED = re.compile(
-    "algorithm|and|annotation|assert|block|break|class|connect|connector|constant|constrainedby|"
-    "der|discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|"
-    "extends|external|false|final|flow|for|function|if|import|impure|in|initial|inner|input|"
-    "loop|model|not|operator|or|outer|output|package|parameter|partial|protected|public|pure|"
-    "record|redeclare|replaceable|return|stream|then|time|true|type|when|while|within"
 )
 
 _CALLED = re.compile(r"a?(sin|cos|tan)|(sin|cos|tan)h|atan2|exp|log|abs|sign|floor|ceil|min|max")
@@ -47,21 +39,16 @@ class UnsupportedError(Exception):
     """A function that the language does not have."""
 
 
-def identifier(name: str) -> str:
-    """Return a name in quotes where it is a reserved word."""
-    return f"'{name}'" if _RESERVED.fullmatch(name) else name
-
-
-def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> str:  # noqa: C901, PLR0911 - by kind
+def modelica_expression(term: Term, write_name: Callable[[str], str], *, events: bool = True) -> str:  # noqa: C901, PLR0911 - by kind
     """Return the Modelica expression of a term.
 
-    :param names: what some of its names are written as.
+    :param write_name: returns what a name is written as.
     :param events: whether relations are events.
     :raises UnsupportedError: for a function that Modelica does not have.
     """
 
     def factor(part: Term, *bracketed: type[Term]) -> str:
-        text = expression(part, names, events=events)
+        text = modelica_expression(part, write_name, events=events)
         return f"({text})" if isinstance(part, bracketed) else text
 
     match term:
@@ -70,7 +57,7 @@ def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> 
                 raise UnsupportedError(str(value))
             return repr(value if isinstance(value, int) else float(value))
         case Name(name):
-            return repr(math.pi) if name == "π" else names.get(name, identifier(name))
+            return repr(math.pi) if name == "π" else write_name(name)
         case Addition() | Negative():
             parts = summands(term)
             signs = [isinstance(part, Negative) for part in parts]
