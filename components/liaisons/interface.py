@@ -1,87 +1,58 @@
 """The public functions that take components: the FMU of a name, file or class is built if need be.
 
-The layers below take FMU files only.
+The layers below take FMU files; what is registered here lets them take components, too.
 """
 
 from __future__ import annotations
 
 import hashlib
-import inspect
 import re
-from collections.abc import Callable, Mapping
-from functools import wraps
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons import cosim, live, ssp, sweeps
+from liaisons import live, ssp
 from liaisons.base import cache
 from liaisons.base.arguments import as_path, merged_start_values
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
+from liaisons.cosim import OperatorFmu, Services, Signal, System, register, simulate, start
 from liaisons.errors import SimulationError
 from liaisons.library import Target, component, flattening, fmu_file, is_target
+from liaisons.sweeps import sweep
 
 if TYPE_CHECKING:
     from liaisons.formulas import DisplayedEquations
     from liaisons.mechanics import Model
 
+__all__ = [
+    "OperatorFmu",
+    "System",
+    "equations",
+    "formula_signal",
+    "operator",
+    "show",
+    "simulate",
+    "start",
+    "sweep",
+    "tabulated",
+    "with_table",
+]
+
 MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
-P = ParamSpec("P")
-R = TypeVar("R")
-T = TypeVar("T")
-
-
-def _by_name(
-    function: Callable[Concatenate[Path | str | T, P], R], *types: type[T]
-) -> Callable[Concatenate[Target | T, P], R]:
-    """Decorate a function of an FMU's path, which then takes a component, or an instance of other types, as well."""
-
-    @wraps(function)
-    def call(subject: Target | T, /, *arguments: P.args, **options: P.kwargs) -> R:
-        target = subject if isinstance(subject, types) else fmu_file(cast("Target", subject))
-        return function(target, *arguments, **options)
-
-    signature = inspect.signature(function)  # for help()
-    first, *further = signature.parameters.values()
-    annotation = " | ".join(["Path | str | type[Component]", *(type_.__name__ for type_ in types)])
-    first = first.replace(kind=first.POSITIONAL_ONLY, annotation=annotation)
-    vars(call)["__signature__"] = signature.replace(parameters=[first, *further])
-    return call
-
-
-simulate = _by_name(cosim.simulate)
-
-
-def _with_systems(
-    function: Callable[Concatenate[Target, P], cosim.Run],
-) -> Callable[Concatenate[Target | cosim.System, P], cosim.Run]:
-    """Decorate a function of a component, which then takes a system, or the path of an SSP archive, as well."""
-
-    @wraps(function)
-    def call(subject: Target | cosim.System, /, *arguments: P.args, **options: P.kwargs) -> cosim.Run:
-        if isinstance(subject, (str, Path)) and Path(subject).suffix == ".ssp":
-            subject = System.from_ssp(subject)
-        if not isinstance(subject, cosim.System):
-            return function(subject, *arguments, **options)
-        settings: dict[str, Any] = dict(options)
-        return subject.with_start_values(settings.pop("start_values", {})).start(*cast("Any", arguments), **settings)
-
-    return call
-
-
-start = _with_systems(_by_name(cosim.start))
+register(Services(fmu_file, ssp.read, ssp.write, flattening.flatten))
 
 
 def show(
-    subject: Target | cosim.System,
+    subject: Target | System,
     /,
     *further: Target,
     path: Path | str | None = None,
@@ -106,7 +77,7 @@ def show(
         path = cast("Path | str", last)
     else:
         subjects.append(last)
-    targets = [target if isinstance(target, cosim.System) else fmu_file(target) for target in subjects]
+    targets = [target if isinstance(target, System) else fmu_file(target) for target in subjects]
     target = targets[0] if len(targets) == 1 else _unconnected_system(targets)
     page, starts = (
         None if path is None else as_path("show: path", path),
@@ -127,22 +98,19 @@ def show(
         return live.write_live_page(whole, page or live.default_page_path(target), {})
 
 
-def _unconnected_system(subjects: list[Path | cosim.System]) -> cosim.System:
+def _unconnected_system(subjects: list[Path | System]) -> System:
     """System of FMUs without connections; raise a ProjectError for a system among them."""
-    if systems := [subject.name for subject in subjects if isinstance(subject, cosim.System)]:
+    if systems := [subject.name for subject in subjects if isinstance(subject, System)]:
         raise ProjectError(f"show: {systems[0]} is a system, which is shown alone")
     paths = [subject for subject in subjects if isinstance(subject, Path)]
-    beside = cosim.System(" and ".join(dict.fromkeys(path.stem for path in paths)))
+    beside = System(" and ".join(dict.fromkeys(path.stem for path in paths)))
     for i, path in enumerate(paths):
         name = re.sub(r"\W", "_", path.stem)
         beside.add(f"{name}_{i + 1}" if name in beside.parts else name, path)
     return beside
 
 
-sweep = _by_name(sweeps.sweep, cosim.System)
-
-
-def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
+def equations(subject: Target | System | Model) -> DisplayedEquations:
     """Return the equations of a component or system for display: ``equations("Pendulum")["motion"]``.
 
     :param subject: name, file or class of a component; a system that :meth:`System.flatten` takes; a model.
@@ -153,14 +121,14 @@ def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
     from liaisons.formulas import of_component, of_model
     from liaisons.mechanics import Model
 
-    if isinstance(subject, cosim.System):
+    if isinstance(subject, System):
         return of_model(flattening.composed_model(subject))
     return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 
 def operator(
     fmu: Target, /, *, start_values: Mapping[str, ArrayLike] | None = None, **keywords: ArrayLike
-) -> cosim.OperatorFmu:
+) -> OperatorFmu:
     """Return an operator that moves a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
@@ -169,10 +137,10 @@ def operator(
     :raises SimulationError: for a name that is given twice.
     """
     path = fmu_file(fmu)
-    return cosim.OperatorFmu(path, merged_start_values(path.stem, start_values, keywords))
+    return OperatorFmu(path, merged_start_values(path.stem, start_values, keywords))
 
 
-def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0) -> cosim.Signal:
+def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0) -> Signal:
     """Return the function of time that a formula describes, with its first and second derivatives.
 
     ``simulate("Pendulum", inputs={"length": formula_signal("1 + 0.1*sin(5*t)")})``
@@ -184,7 +152,7 @@ def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0
     """
     from liaisons.expressions import pulse_instants, time_function  # loads CasADi
 
-    return cosim.Signal(time_function(text), pulse_instants(text, start_time, stop_time))
+    return Signal(time_function(text), pulse_instants(text, start_time, stop_time))
 
 
 def tabulated(
@@ -194,7 +162,7 @@ def tabulated(
     accelerations: ArrayLike | None = None,
     *,
     join: Join = "quintic",
-) -> cosim.OperatorFmu:
+) -> OperatorFmu:
     """Return an operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
@@ -208,8 +176,8 @@ def tabulated(
     table, fmu = knots(times, values, rates, accelerations, join), fmu_file("PlannedMotion")
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
-        return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))
-    return cosim.OperatorFmu(with_table(fmu, table), {})
+        return OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))
+    return OperatorFmu(with_table(fmu, table), {})
 
 
 def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
@@ -224,54 +192,3 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
         copy.write_bytes(ssp.fmu_with_table(fmu, table))
         cache.add_trusted_fmu(cache.digest(copy))
     return copy
-
-
-@final
-class System(cosim.System):
-    """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
-
-    ::
-
-        system = System("pumped swing")
-        swing = system.add("swing", "Pendulum", theta_0=0.05)
-        motor = system.add("operator", "Sinusoid", offset=1.0, amplitude=0.1, angular_frequency=6.26)
-        system.connect(motor["y"], swing["length"])
-        result = system.simulate(stop_time=60, step_size=0.1)
-        result["swing.theta"]
-
-    or, with an operator as the value of a coordinate::
-
-        system.add("swing", "Pendulum", theta_0=0.05, length=operator("Sinusoid", offset=1.0, amplitude=0.1))
-
-    :param name: used in messages, results and figures.
-    """
-
-    def add(
-        self,
-        name: str,
-        fmu: Target | cosim.SampledFunction,
-        /,
-        *,
-        isolated: bool | float = False,
-        start_values: Mapping[str, ArrayLike | cosim.OperatorFmu] | None = None,
-        **keywords: ArrayLike | cosim.OperatorFmu,
-    ) -> cosim.SystemComponent:
-        """Add an FMU or a component to the system, as :meth:`liaisons.cosim.System.add` does.
-
-        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a function of Python,
-            :func:`sampled`.
-        :raises ProjectError: if there is no such file or component.
-        """
-        path = fmu if isinstance(fmu, cosim.SampledFunction) else fmu_file(fmu)
-        return super().add(name, path, isolated=isolated, start_values=start_values, **keywords)
-
-    @classmethod
-    def from_ssp(cls, path: Path | str, start_values: Mapping[str, object] | None = None) -> Self:
-        """Read an SSP archive (1.0 or 2.0) of any tool, see :func:`liaisons.ssp.read`.
-
-        :param start_values: ``"component.variable"`` -> start value, where it differs from that of the archive.
-        """
-        return cls.from_document(ssp.read(path, start_values))
-
-    write_ssp = ssp.write
-    flatten = flattening.flatten

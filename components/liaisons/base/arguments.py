@@ -5,16 +5,14 @@ Each function takes a label for the message, the argument, and the class of the 
 
 from __future__ import annotations
 
-import inspect
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from liaisons.errors import InvalidValueError, LiaisonsError
 
@@ -23,9 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Error = type[LiaisonsError]
-P = ParamSpec("P")
-R = TypeVar("R")
-S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -64,41 +59,6 @@ def merged_start_values(
         if name in values:
             raise error(f"{label}: {name} is given in start_values and as a keyword; leave one out")
     return {**values, **keywords}
-
-
-def with_settings(
-    settings: Callable[P, S],
-) -> Callable[[Callable[[T, S], R]], Callable[Concatenate[T, P], R]]:
-    """Decorate a function of an object and settings: callers give the settings as keywords.
-
-    :param settings: their class, which declares each of them once, with its type and default.
-    """
-
-    def decorate(function: Callable[[T, S], R]) -> Callable[Concatenate[T, P], R]:
-        @wraps(function)
-        def call(subject: T, /, *arguments: P.args, **keywords: P.kwargs) -> R:
-            return function(subject, settings(*arguments, **keywords))
-
-        signature = inspect.signature(function)  # for help()
-        parameters = [next(iter(signature.parameters.values())), *inspect.signature(settings).parameters.values()]
-        vars(call)["__signature__"] = signature.replace(parameters=parameters)
-        return call
-
-    return decorate
-
-
-def with_arguments(make: Callable[P, S]) -> Callable[[Callable[[S], R]], Callable[P, R]]:
-    """Decorate a function of one object: callers give the arguments from which ``make`` makes it."""
-
-    def decorate(function: Callable[[S], R]) -> Callable[P, R]:
-        @wraps(function)
-        def call(*arguments: P.args, **keywords: P.kwargs) -> R:
-            return function(make(*arguments, **keywords))
-
-        vars(call)["__signature__"] = inspect.signature(make)  # for help()
-        return call
-
-    return decorate
 
 
 @contextmanager

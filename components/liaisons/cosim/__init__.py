@@ -10,6 +10,7 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.scenes import read_result
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
+from liaisons.cosim.structure.services import Services, register
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Signal
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
@@ -27,6 +28,7 @@ __all__ = [
     "Result",
     "Run",
     "SampledFunction",
+    "Services",
     "Settings",
     "Signal",
     "Simulation",
@@ -38,6 +40,7 @@ __all__ = [
     "experiment_problems",
     "read_description",
     "read_result",
+    "register",
     "roll_back_difference",
     "run_to_end",
     "sampled",

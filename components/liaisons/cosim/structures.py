@@ -38,7 +38,7 @@ class Record(Structure):
         """Set the fields to those of a copy, and in place the values of the arrays."""
         content, targets, arrays = saved
         memmove(addressof(self), content, len(content))
-        vars(self)["targets"] = dict(targets)
+        self.targets = dict(targets)
         for array, numbers in arrays:
             array[:] = numbers
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, Unpack, final
+from typing import Any, Literal, Self, Unpack, cast, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from liaisons.base.arguments import (
     shown,
     start_value_hints,
 )
+from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
@@ -25,6 +26,7 @@ from liaisons.cosim.structure.connections import Connection, scalar_connections
 from liaisons.cosim.structure.diagram import Diagram, block_diagram
 from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
+from liaisons.cosim.structure.services import FmuTarget, fmu_file, services
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
@@ -45,8 +47,22 @@ class OperatorFmu:
     start_values: Mapping[str, ArrayLike]
 
 
+@final
 class System:
-    """Connected FMUs; :class:`liaisons.System`, a layer above, takes components by name, and archives.
+    """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
+
+    ::
+
+        system = System("pumped swing")
+        swing = system.add("swing", "Pendulum", theta_0=0.05)
+        motor = system.add("operator", "Sinusoid", offset=1.0, amplitude=0.1, angular_frequency=6.26)
+        system.connect(motor["y"], swing["length"])
+        result = system.simulate(stop_time=60, step_size=0.1)
+        result["swing.theta"]
+
+    or, with an operator as the value of a coordinate::
+
+        system.add("swing", "Pendulum", theta_0=0.05, length=operator("Sinusoid", offset=1.0, amplitude=0.1))
 
     :param name: used in messages, results and figures.
     :ivar experiment: of the last run, or of the archive that was read.
@@ -72,6 +88,14 @@ class System:
         system._files = document.files
         return system
 
+    @classmethod
+    def from_ssp(cls, path: Path | str, start_values: Mapping[str, object] | None = None) -> Self:
+        """Read an SSP archive (1.0 or 2.0) of any tool, see :func:`liaisons.ssp.read`.
+
+        :param start_values: ``"component.variable"`` -> start value, where it differs from that of the archive.
+        """
+        return cls.from_document(services().read_ssp(path, start_values))
+
     @property
     def document(self) -> SystemDocument:
         """The system as data: components, connections and experiment."""
@@ -80,17 +104,18 @@ class System:
     def add(
         self,
         name: str,
-        fmu: Path | str | SampledFunction,
+        fmu: FmuTarget | SampledFunction,
         /,
         *,
         isolated: bool | float = False,
         start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
         **keywords: ArrayLike | OperatorFmu,
     ) -> SystemComponent:
-        """Add an FMU to the system.
+        """Add an FMU or a component to the system.
 
         :param name: name of this component; no dot, and not taken yet.
-        :param fmu: path of the file; or a function of Python, :func:`liaisons.sampled`.
+        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a function of Python,
+            :func:`sampled`.
         :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
             result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
             the FMU runs in this process, with a warning.
@@ -100,13 +125,15 @@ class System:
         :returns: the component; ``component["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name is bad, the file cannot be used, or a start value is unknown,
             cannot be set, or has the wrong type.
+        :raises ProjectError: if there is no such file or component.
         """
+        path = fmu if isinstance(fmu, SampledFunction) else fmu_file(f"{name}: fmu", fmu)
         if not isinstance(name, str) or not name or "." in name:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
         starts = merged_start_values(f"{self.name}: {name}", start_values, keywords)
-        return self._add_part(name, fmu, starts, isolated=isolated)
+        return self._add_part(name, path, starts, isolated=isolated)
 
     def _add_part(
         self, name: str, fmu: Path | str | SampledFunction, starts: Mapping[str, object], *, isolated: bool | float
@@ -329,6 +356,55 @@ class System:
     def _repr_html_(self) -> str:
         return self.diagram().svg
 
+    def write_ssp(
+        self,
+        path: Path | str,
+        *,
+        form: Literal["portable", "full"] = "portable",
+        start_time: float | None = None,
+        stop_time: float | None = None,
+        step_size: float | None = None,
+    ) -> None:
+        """Write the system as an archive with its FMUs.
+
+        The default experiment is that of the last run unless given, else the longest time and the shortest step of
+        the FMUs' default experiments.
+
+        :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all features).
+        :param start_time: start of the default experiment [s].
+        :param stop_time: its end [s].
+        :param step_size: its communication step [s], an annotation that some importers read.
+        :raises SimulationError: if the system is empty, has what this form cannot express, or the file cannot be
+            written.
+        """
+        times = {"start_time": start_time, "stop_time": stop_time, "step_size": step_size}
+        services().write_ssp(self, path, form=form, **times)
+
+    def flatten(
+        self,
+        output: Path | str | None = None,
+        *,
+        components: Mapping[str, type[Any]] | None = None,
+        backend: Backend = "auto",
+        platforms: Platforms = "host",
+        fmi: Fmi = "2",
+        arrays: bool = True,
+    ) -> Path:
+        """Build the FMU of the whole system from the equations of motion of our components: no coupling error.
+
+        Its variables have the names of the system's result, ``"swing.theta"``; start values are those of the system.
+
+        :param output: folder; None: ``fmus/flat/``.  The file has the name of the system.
+        :param components: components that are not in the catalogue, by the model name of their FMU.
+        :param backend: this and the further ones as in :func:`liaisons.build`.
+        :returns: path of the FMU.
+        :raises SimulationError: if an FMU is none of these components.
+        :raises ComponentError: if inputs depend on each other in a way that is not linear.
+        :raises BuildError: if the FMU cannot be built.
+        """
+        form = {"backend": backend, "platforms": platforms, "fmi": fmi, "arrays": arrays}
+        return services().flatten(self, output, components=components, **form)
+
 
 def _refuse_unknown(method: str, settings: Mapping[str, object]) -> None:
     """Raise a TypeError for a keyword of a method that is no setting."""
@@ -349,7 +425,7 @@ def _refuse_run_options(settings: Any) -> None:
 
 
 def _single_simulation(
-    fmu: Path | str,
+    fmu: FmuTarget,
     start_values: Mapping[str, ArrayLike | OperatorFmu] | None,
     keywords: Mapping[str, ArrayLike | OperatorFmu],
     *,
@@ -364,7 +440,7 @@ def _single_simulation(
     :param start_values: of the user, and ``keywords`` further ones.
     :raises SimulationError: for a bad setting, or a start value of an input that its function of time contradicts.
     """
-    path = as_path("fmu", fmu)
+    path = fmu_file("fmu", fmu)
     title, starts = path.stem, merged_start_values(path.stem, start_values, keywords)
     system = System(title or str(path))
     own = system._add_part(title, path, starts, isolated=isolated).fmu  # noqa: SLF001 - its name may have a dot
@@ -381,7 +457,7 @@ def _single_simulation(
 
 
 def simulate(
-    fmu: Path | str,
+    fmu: FmuTarget,
     /,
     *,
     stop_time: float | None = None,
@@ -405,7 +481,7 @@ def simulate(
     Settings that :meth:`System.simulate` has, too, are the same here, but for the first five: None is the value in the
     FMU's default experiment.
 
-    :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
+    :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
     :param stop_time: stop [s].
     :param step_size: distance of the communication points [s]; None, too: of an FMU of Model Exchange without a value,
         a 500th of the time.
@@ -448,7 +524,7 @@ def simulate(
 
 
 def start(
-    fmu: Path | str,
+    subject: FmuTarget | System,
     /,
     *,
     stop_time: float | None = None,
@@ -464,7 +540,7 @@ def start(
     start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
     **keywords: ArrayLike | OperatorFmu,
 ) -> Run:
-    """Initialize one FMU, and the operators that prescribe its coordinates, for a run step by step.
+    """Initialize one FMU, and the operators that prescribe its coordinates, or a system, for a run step by step.
 
     ::
 
@@ -476,24 +552,28 @@ def start(
     Arguments are those of :func:`simulate`, but for ``verify``, ``progress`` and ``real_time``; without ``stop_time``
     the run has no end.
 
+    :param subject: path of an FMU; or a component by its name, file or class; or a system, or the path of its archive.
     :returns: the run, a context manager that releases the FMUs.
     :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
     """
+    settings: Settings = {
+        "start_time": start_time,
+        "times": times,
+        "tolerance": tolerance,
+        "coupling": coupling,
+        "error_tolerance": error_tolerance,
+        "record": record,
+        "inputs": inputs,
+    }
+    if isinstance(subject, (str, Path)) and Path(subject).suffix == ".ssp":
+        subject = System.from_ssp(subject)
+    if isinstance(subject, System):
+        system = subject.with_start_values({} if start_values is None else start_values)
+        system = system.isolated_copy(isolated) if isolated else system
+        return system.start(stop_time, step_size, **settings, **cast("Any", keywords))
     _refuse_run_options(keywords)
+    span = {"stop_time": stop_time, "step_size": step_size}
     simulation = _single_simulation(
-        fmu,
-        start_values,
-        keywords,
-        isolated=isolated,
-        endless=True,
-        stop_time=stop_time,
-        step_size=step_size,
-        start_time=start_time,
-        times=times,
-        tolerance=tolerance,
-        coupling=coupling,
-        error_tolerance=error_tolerance,
-        record=record,
-        inputs=inputs,
+        subject, start_values, keywords, isolated=isolated, endless=True, **span, **settings
     )
     return start_run(simulation)

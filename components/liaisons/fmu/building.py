@@ -9,11 +9,11 @@ from functools import cache, lru_cache, partial
 from pathlib import Path
 from uuid import UUID
 
-from liaisons.base.arguments import with_settings
 from liaisons.base.compiler import (
     FLAGS,
     INSTALLATION,
     TARGETS,
+    Backend,
     BuildSettings,
     Fmi,
     compile_library,
@@ -41,17 +41,24 @@ _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _log = logging.getLogger(__name__)
 
 
-@with_settings(BuildSettings)
-def build(model: Model, settings: BuildSettings) -> Path:
+def build(
+    model: Model,
+    output: Path | str | None = None,
+    *,
+    backend: Backend = "auto",
+    platforms: Platforms = "host",
+    fmi: Fmi = "2",
+    arrays: bool = True,
+) -> Path:
     """Build the FMU of a model, unless the file is up to date.
 
     :param model: e.g. ``assemble(Pendulum)``.
-    :param settings: those of :func:`liaisons.build`.
+    :param output: folder; this and the further ones as of :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     :raises BackEndError: if the back end cannot do what the model needs.
     """
-    backend, platforms, fmi, output = settings.backend, settings.platforms, settings.fmi, settings.folder
+    folder = BuildSettings(output, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays).folder
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if model.sample and backend == "python":
@@ -62,10 +69,10 @@ def build(model: Model, settings: BuildSettings) -> Path:
         _warn_no_compiler()
         backend = "python"
     if backend == "python":
-        return _build_python(model, output)
+        return _build_python(model, folder)
     if fmi == "3":
-        output = output / "fmi3" if settings.arrays else output / "fmi3" / "scalars"
-    return _build_native(model, output, platforms, fmi, arrays=settings.arrays)
+        folder = folder / "fmi3" if arrays else folder / "fmi3" / "scalars"
+    return _build_native(model, folder, platforms, fmi, arrays=arrays)
 
 
 @cache

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, NoReturn, final
+from typing import Any, NoReturn, Unpack, final
 
 import casadi as ca
 import gymnasium
@@ -12,10 +13,10 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import check_integer, name_dictionary, with_settings
+from liaisons.base.arguments import check_integer, name_dictionary
 from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
 from liaisons.fmu.calls import Call
-from liaisons.gymnasium.task import Floats, Task
+from liaisons.gymnasium.task import Floats, Task, TaskOptions
 from liaisons.interface import start
 from liaisons.library import component
 from liaisons.pictures.drawing import frame_images
@@ -46,8 +47,16 @@ class Environment(gymnasium.Env[Any, Any]):
 
     metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
 
-    @with_settings(Task)
-    def __init__(self, task: Task) -> None:
+    def __init__(
+        self,
+        subject: Any,
+        observe: Sequence[str],
+        act: Mapping[str, Sequence[float]],
+        reward: str,
+        step_size: float,
+        **options: Unpack[TaskOptions],
+    ) -> None:
+        task = Task(subject, observe, act, reward, step_size, **options)
         self.task, self.render_mode, self.action_space = task, task.render_mode, task.action_space
         self.metadata = self.metadata | {"render_fps": round(1 / task.step_size)}
         low, high = ({name: pair[end] for name, pair in task.randomize.items()} for end in (0, 1))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias, TypedDict, final
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,17 @@ Floats: TypeAlias = NDArray[np.float64]
 Truths: TypeAlias = NDArray[np.bool_]
 _RATE = re.compile(r"_(d{1,2})ot(?=\[|$)")
 _DOT = re.compile(r"(?<=\w)\.(?=[A-Za-z_])")
+
+
+class TaskOptions(TypedDict, total=False):
+    """Those settings of a :class:`Task` that have a default."""
+
+    stop: str
+    stop_time: float
+    randomize: Mapping[str, Sequence[float]]
+    start_values: Mapping[str, ArrayLike]
+    goal: Mapping[str, Any]
+    render_mode: str | None
 
 
 @final

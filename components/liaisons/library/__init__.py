@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
 from liaisons.base.archive import file_identity
-from liaisons.base.arguments import check_integer, shown, with_settings
-from liaisons.base.compiler import Backend, BuildSettings, Fmi
+from liaisons.base.arguments import check_integer, shown
+from liaisons.base.compiler import Backend, BuildSettings, Fmi, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published_component, own_components, published_components, publishers
@@ -208,8 +208,15 @@ def derive(target: Target) -> Equations:
     return mechanics.derive(class_)
 
 
-@with_settings(BuildSettings)
-def build(target: Target | Model, settings: BuildSettings) -> Path:
+def build(
+    target: Target | Model,
+    output: Path | str | None = None,
+    *,
+    backend: Backend = "auto",
+    platforms: Platforms = "host",
+    fmi: Fmi = "2",
+    arrays: bool = True,
+) -> Path:
     """Build the FMU of a component, unless the file is up to date.
 
     :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
@@ -230,7 +237,7 @@ def build(target: Target | Model, settings: BuildSettings) -> Path:
     from liaisons import fmu
     from liaisons.mechanics import Model
 
-    folder = settings.folder
+    folder = BuildSettings(output, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays).folder
     if isinstance(target, Model):
         derived, shipped = target, _catalogue_component(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
@@ -239,7 +246,7 @@ def build(target: Target | Model, settings: BuildSettings) -> Path:
         chosen = component(target)
         reserve_fmu(chosen, folder)
         derived = model(chosen)
-    return fmu.build(derived, **vars(settings))
+    return fmu.build(derived, output, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:

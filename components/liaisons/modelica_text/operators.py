@@ -48,7 +48,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
     operator, layout = component(), component().layout()
     operator.lookups = []
-    vars(operator)["signal"] = partial(_with_if_else, operator.signal)
+    object.__setattr__(operator, "signal", partial(_with_if_else, operator.signal))
     columns = [stack(operator.triple()), operator.internal_rate_column()]
     # Rows of a table change without an event.
     section = Section(Notation.from_component(component), {"t": "time"}, events=not operator.lookups)

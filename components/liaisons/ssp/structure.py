@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element
 
 from liaisons.base.array_names import Shape
 from liaisons.base.unit_definitions import SAME, Conversion, UnitDefinition
-from liaisons.cosim.messages import logger
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import child_path, tag, unit_definitions
 

@@ -27,7 +27,7 @@ from liaisons.sweeps.workers import simulate_locally
 
 
 def sweep(
-    subject: Path | str | System,
+    subject: Path | str | type[Any] | System,
     cases: Mapping[str, ArrayLike],
     keep: str | Iterable[str] | Measures,
     *,
@@ -60,8 +60,7 @@ def sweep(
     FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
     scheduler can run code there, too.  Take them from people you trust.
 
-    :param subject: path of an FMU, or a system; :func:`liaisons.sweep` takes a component by its name, file or class,
-        too.
+    :param subject: path of an FMU; or a component by its name, file or class; or a system.
     :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:
         ``"theta_0"`` of an FMU, ``"swing.theta_0"`` of a system.
     :param keep: values at the end, ``"theta"``, or extrema over the communication points, ``"theta:max"``,
@@ -138,7 +137,7 @@ def _check_settings(
 
 
 def _checked_study(
-    subject: Path | str | System,
+    subject: Path | str | type[Any] | System,
     cases: Mapping[str, Floats],
     keep: Measures,
     starts: Mapping[str, float | bool | str],

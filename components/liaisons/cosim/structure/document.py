@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import final
 
-from liaisons.base.arguments import as_path, name_dictionary
+from liaisons.base.arguments import name_dictionary
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure.checks import ConnectionGraph
@@ -16,6 +15,7 @@ from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.services import FmuTarget, fmu_file
 from liaisons.errors import SimulationError, suggestion
 
 
@@ -41,14 +41,15 @@ class SystemDocument:
 
     @classmethod
     def of_fmu(
-        cls, fmu: Path | str, starts: Mapping[str, object] | None = None, *, isolated: bool | float = False
+        cls, fmu: FmuTarget, starts: Mapping[str, object] | None = None, *, isolated: bool | float = False
     ) -> SystemDocument:
         """System of one FMU, under the name of its file.
 
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
-        name = as_path("fmu", fmu).stem
-        part = SystemComponent.read(name, fmu, starts or {}, isolated=isolated)
+        path = fmu_file("fmu", fmu)
+        name = path.stem
+        part = SystemComponent.read(name, path, starts or {}, isolated=isolated)
         return cls(
             name, {name: part}, experiment=DefaultExperiment(stop_time=part.fmu.experiment.stop_time), single=True
         )
