@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 
 from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, start, sweep
 from liaisons.base.project import ProjectError
+from liaisons.cosim import Settings
 from liaisons.errors import LiaisonsError
 from liaisons.library import variables
 from liaisons.mechanics import assemble
@@ -178,11 +180,17 @@ def test_two_files_with_one_name_do_not_take_turns(own: Callable[..., Path]) -> 
     assert fmu_path(Pendulum) == fmu_path("Pendulum")
 
 
-@pytest.mark.parametrize("function", [simulate, start, sweep])
-def test_help_says_that_components_are_taken(function: Callable[..., object]) -> None:
-    signature, below = inspect.signature(function), inspect.signature(vars(function)["__wrapped__"])
-    assert "type[Component]" in str(signature)
-    assert list(signature.parameters) == list(below.parameters)
+@pytest.mark.parametrize("function", [simulate, start, sweep, System.simulate, System.start, System.add])
+def test_help_says_what_is_taken(function: Callable[..., object]) -> None:
+    """Each argument by name, typed settings among them; and that a subject may be a name."""
+    arguments = [name for name in inspect.signature(function).parameters if name != "self"]
+    settings = inspect.get_annotations(Settings) if "settings" in arguments else {}
+    text = inspect.getdoc(function) or ""
+    said = set(re.findall(r":param (\w+):", text))
+    if re.search(r":(func|meth):`(liaisons\.)?simulate`", text):
+        said |= {*re.findall(r":param (\w+):", f"{simulate.__doc__} {System.simulate.__doc__}")}
+    assert {*arguments, *settings} - {"settings"} <= said
+    assert function in {System.simulate, System.start} or re.search(r"by its name\b.*, file or class", text)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from liaisons.mechanics import Model
 
 __all__ = [
-    "OperatorFmu",
     "System",
     "equations",
     "formula_signal",

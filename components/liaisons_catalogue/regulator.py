@@ -5,13 +5,31 @@ from operator import mul
 import casadi as ca
 
 from liaisons.base.units import ANY
-from liaisons.language import DiscreteState, Input, InternalState, Parameter, ParameterArray
+from liaisons.language import DiscreteState, Input, InternalState, Parameter, ParameterArray, declare
 from liaisons_catalogue.knotted_motion import DIMENSION, KNOTS, KnottedMotion
 
 READINGS = 24
 
 
-class Regulator(KnottedMotion):
+class CorrectedMotion(KnottedMotion, abstract=True):
+    """A motion through knots, with tables of what corrects it: gains of readings, and bounds."""
+
+    offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
+    advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", DIMENSION)
+    lowest = ParameterArray((-1e30,) * KNOTS, ANY, "least correcting acceleration", DIMENSION)
+    highest = ParameterArray((1e30,) * KNOTS, ANY, "greatest correcting acceleration", DIMENSION)
+    least = ParameterArray((-1e30,) * KNOTS, ANY, "least correction", DIMENSION)
+    most = ParameterArray((1e30,) * KNOTS, ANY, "greatest correction", DIMENSION)
+    slowest = ParameterArray((-1e30,) * KNOTS, ANY, "least rate of the correction", DIMENSION)
+    fastest = ParameterArray((1e30,) * KNOTS, ANY, "greatest rate of the correction", DIMENSION)
+
+
+for _i in range(1, READINGS + 1):
+    declare(CorrectedMotion, f"gain_{_i}", ParameterArray((), ANY, f"gains of reading {_i}, by knots", DIMENSION))
+    declare(CorrectedMotion, f"reading_{_i}", Input(ANY, f"reading {_i}"))
+
+
+class Regulator(CorrectedMotion):
     """A motion through knots, and its correction by linear feedback of what was read at the last sample.
 
     Samples are the knots, and one each period behind the last of them; in Co-Simulation without event mode each has to
@@ -25,17 +43,6 @@ class Regulator(KnottedMotion):
     faster than by exp(-t/(2 period)).  The last knot is repeated where there are less than there is room for.
     """
 
-    offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
-    advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", DIMENSION)
-    lowest = ParameterArray((-1e30,) * KNOTS, ANY, "least correcting acceleration", DIMENSION)
-    highest = ParameterArray((1e30,) * KNOTS, ANY, "greatest correcting acceleration", DIMENSION)
-    least = ParameterArray((-1e30,) * KNOTS, ANY, "least correction", DIMENSION)
-    most = ParameterArray((1e30,) * KNOTS, ANY, "greatest correction", DIMENSION)
-    slowest = ParameterArray((-1e30,) * KNOTS, ANY, "least rate of the correction", DIMENSION)
-    fastest = ParameterArray((1e30,) * KNOTS, ANY, "greatest rate of the correction", DIMENSION)
-    for _i in range(1, READINGS + 1):
-        vars()[f"gain_{_i}"] = ParameterArray((), ANY, f"gains of reading {_i}, by knots", DIMENSION)
-        vars()[f"reading_{_i}"] = Input(ANY, f"reading {_i}")
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
     announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")

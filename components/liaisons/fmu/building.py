@@ -16,6 +16,7 @@ from liaisons.base.compiler import (
     Backend,
     BuildSettings,
     Fmi,
+    Platforms,
     compile_library,
     host_target,
     no_compiler_message,

@@ -10,6 +10,7 @@ from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
 from liaisons.base.array_names import Shape
+from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME, Conversion, UnitDefinition
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import child_path, tag, unit_definitions

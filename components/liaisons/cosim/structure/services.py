@@ -22,7 +22,8 @@ class Services:
 
     :param fmu_file: a component by its name, file or class, or the path of an FMU -> path of the FMU.
     :param read_ssp: path of an archive, start values -> :class:`SystemDocument`.
-    :param write_ssp: what :meth:`liaisons.System.write_ssp` calls, and ``flatten`` what :meth:`liaisons.System.flatten`.
+    :param write_ssp: what :meth:`liaisons.System.write_ssp` calls.
+    :param flatten: what :meth:`liaisons.System.flatten` calls.
     """
 
     fmu_file: Callable[[Any], Path]
