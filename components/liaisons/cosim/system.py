@@ -568,7 +568,7 @@ def start(
     if isinstance(subject, (str, Path)) and Path(subject).suffix == ".ssp":
         subject = System.from_ssp(subject)
     if isinstance(subject, System):
-        system = subject.with_start_values({} if start_values is None else start_values)
+        system = subject.with_start_values(cast("Mapping[str, ArrayLike]", start_values or {}))
         system = system.isolated_copy(isolated) if isolated else system
         return system.start(stop_time, step_size, **settings, **cast("Any", keywords))
     _refuse_run_options(keywords)
