@@ -526,9 +526,9 @@ def simulate(
 def start(
     subject: FmuTarget | System,
     /,
-    *,
     stop_time: float | None = None,
     step_size: float | None = None,
+    *,
     start_time: float | None = None,
     times: ArrayLike | None = None,
     tolerance: float | None = None,
