@@ -31,7 +31,6 @@ from .holding import observe as observe
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
-from .interface import formula_signal as formula_signal
 from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate
@@ -99,3 +98,4 @@ from .planning import plan as plan
 from .results import Result as Result
 from .sweeps import grid as grid
 from .sweeps import sample as sample
+from .typed_formulas import formula_signal as formula_signal

@@ -21,7 +21,7 @@ from liaisons.base.arguments import as_path, merged_start_values
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
-from liaisons.cosim import OperatorFmu, Services, Signal, System, register, simulate, start
+from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
 from liaisons.library import Target, component, flattening, fmu_file, is_target
 from liaisons.sweeps import sweep
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 __all__ = [
     "System",
     "equations",
-    "formula_signal",
     "operator",
     "show",
     "simulate",
@@ -137,21 +136,6 @@ def operator(
     """
     path = fmu_file(fmu)
     return OperatorFmu(path, merged_start_values(path.stem, start_values, keywords))
-
-
-def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0) -> Signal:
-    """Return the function of time that a formula describes, with its first and second derivatives.
-
-    ``simulate("Pendulum", inputs={"length": formula_signal("1 + 0.1*sin(5*t)")})``
-
-    :param text: a formula of the time ``t`` [s].
-    :param start_time: this and ``stop_time``: between which [s] short pulses, ``exp(-(t - 1)**2/0.001)``, are looked
-        for, so that a run has communication points in them.
-    :raises FormulaError: if it is none; names the place, and the nearest name.
-    """
-    from liaisons.expressions import pulse_instants, time_function  # loads CasADi
-
-    return Signal(time_function(text), pulse_instants(text, start_time, stop_time))
 
 
 def tabulated(

@@ -8,7 +8,7 @@ import pytest
 
 from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.errors import FormulaError, SimulationError
-from liaisons.expressions import pulse_instants, time_function
+from liaisons.typed_formulas import pulse_instants, time_function
 
 
 @pytest.mark.parametrize(

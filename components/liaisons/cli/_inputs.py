@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liaisons import Signal, formula_signal, tabulated
+from liaisons import Signal, tabulated
 from liaisons.base.arrays import Floats
 from liaisons.base.knots import Join, knots, piecewise_polynomial
 from liaisons.base.logs import logger
@@ -80,6 +80,8 @@ def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: 
     """Function of time that a formula prescribes for an input, with the instants of its pulses."""
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
+    from liaisons import formula_signal  # loads CasADi
+
     try:
         signal = formula_signal(text, *span)
     except FormulaError as error:

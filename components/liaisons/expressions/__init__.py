@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from liaisons.expressions.calls import called_functions, jumping_table, without_zero_directions
 from liaisons.expressions.dimensions import Declared, check_units
-from liaisons.expressions.formulas import FUNCTIONS, formula
 from liaisons.expressions.identities import nonzero_states
 from liaisons.expressions.operations import (
     OPERATIONS,
@@ -36,10 +35,8 @@ from liaisons.expressions.operations import (
 )
 from liaisons.expressions.printing import c_parts, literal
 from liaisons.expressions.programs import Program, program
-from liaisons.expressions.time_functions import pulse_instants, time_function
 
 __all__ = [
-    "FUNCTIONS",
     "OPERATIONS",
     "Declared",
     "Instruction",
@@ -47,7 +44,6 @@ __all__ = [
     "c_parts",
     "called_functions",
     "check_units",
-    "formula",
     "interpret",
     "is_smooth",
     "is_smooth_function",
@@ -57,7 +53,5 @@ __all__ = [
     "operation_codes",
     "perform",
     "program",
-    "pulse_instants",
-    "time_function",
     "without_zero_directions",
 ]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.base.arguments import check_choice, check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.port_names import port_names
 from liaisons.errors import InvalidValueError
-from liaisons.expressions.formulas import formula
+from liaisons.typed_formulas import formula
 
 Floats: TypeAlias = NDArray[np.float64]
 Truths: TypeAlias = NDArray[np.bool_]

@@ -11,7 +11,6 @@ import numpy as np
 
 from liaisons.base.arguments import shown
 from liaisons.errors import FormulaError, LiaisonsError, PlanError
-from liaisons.expressions import formula
 from liaisons.planning.goals import (
     by_name,
     is_expression,
@@ -21,6 +20,7 @@ from liaisons.planning.goals import (
     values_by_element,
 )
 from liaisons.planning.symbols import GoalSymbols
+from liaisons.typed_formulas import formula
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.base.arguments import shown
 from liaisons.errors import FormulaError
-from liaisons.expressions.formulas import FUNCTIONS, formula
+from liaisons.typed_formulas.formulas import FUNCTIONS, formula
 
 _POINTS = 501
 """Points between which maxima are searched for."""
