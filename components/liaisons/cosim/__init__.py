@@ -7,7 +7,7 @@ from liaisons.cosim.running.roll_back import roll_back_difference
 from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.document import SystemDocument
+from liaisons.cosim.structure.document import Diagram, SystemDocument
 from liaisons.cosim.structure.scenes import read_result
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.services import Services, register
@@ -20,6 +20,7 @@ __all__ = [
     "Connection",
     "Coupling",
     "DefaultExperiment",
+    "Diagram",
     "Entry",
     "IncompleteError",
     "Interrupted",

@@ -18,13 +18,13 @@ from liaisons.base.arguments import (
     start_value_hints,
 )
 from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.published import registered
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
 from liaisons.cosim.structure.components import Components, Port, SystemComponent, time_limit
 from liaisons.cosim.structure.connections import Connection, scalar_connections
-from liaisons.cosim.structure.diagram import Diagram, block_diagram
-from liaisons.cosim.structure.document import SystemDocument
+from liaisons.cosim.structure.document import Diagram, SystemDocument
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.services import FmuTarget, fmu_file, services
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
@@ -32,6 +32,8 @@ from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
 
+DIAGRAMS = "liaisons.system_diagrams"
+"""Group of entry points of what draws systems: :class:`SystemDocument` -> :class:`Diagram`."""
 _SHOWN = 20
 """Most components, and most connections, that are printed."""
 _WIDEST = 200
@@ -348,7 +350,8 @@ class System:
         :returns: the picture, which a notebook shows.
         :raises SimulationError: if the file cannot be written.
         """
-        drawn = block_diagram(self.document)
+        (draw,) = registered(DIAGRAMS)
+        drawn: Diagram = draw(self.document)
         if path is not None:
             drawn.write(as_path("diagram: path", path))
         return drawn

@@ -5,18 +5,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import final
 
 from liaisons.base.arguments import name_dictionary
+from liaisons.base.files import replacement_path
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import Components, SystemComponent
-from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.schedule import VariableReference, execution_order
 from liaisons.cosim.structure.services import FmuTarget, fmu_file
 from liaisons.errors import SimulationError, suggestion
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Diagram:
+    """A diagram as an SVG element, which notebooks show."""
+
+    svg: str
+
+    def write(self, path: Path | str) -> None:
+        """Write the SVG element to a file."""
+        with replacement_path(Path(path)) as whole:
+            whole.write_text(self.svg, encoding="utf-8")
+
+    def _repr_svg_(self) -> str:
+        return self.svg
 
 
 @final
@@ -58,6 +76,11 @@ class SystemDocument:
     def graph(self) -> ConnectionGraph:
         """Graph of the connections: what feeds what, in which order, with which cycles."""
         return ConnectionGraph(self.parts, self.connections, ())
+
+    @property
+    def order(self) -> list[str]:
+        """Names of the components, sources before their targets, without reaction forces."""
+        return execution_order(self.parts, feeds_of(c for c in self.connections if not c.is_reaction))
 
     @property
     def common_experiment(self) -> DefaultExperiment:

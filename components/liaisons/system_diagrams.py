@@ -10,15 +10,10 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from itertools import zip_longest
-from pathlib import Path
 from typing import final
 
 from liaisons.base.array_names import array_and_index
-from liaisons.base.files import replacement_path
-from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import Components, Port, SystemComponent
-from liaisons.cosim.structure.connections import Connection, feeds_of
-from liaisons.cosim.structure.document import SystemDocument
+from liaisons.cosim import Connection, Diagram, Port, SystemComponent, SystemDocument
 
 _MOST = 60
 """Largest number of blocks."""
@@ -49,22 +44,6 @@ _STYLE = (
     'style="max-width:100%;height:auto" fill="none" stroke="currentColor" stroke-linejoin="round" '
     'font-family="sans-serif" font-size="11"'
 )
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Diagram:
-    """A diagram as an SVG element, which notebooks show."""
-
-    svg: str
-
-    def write(self, path: Path | str) -> None:
-        """Write the SVG element to a file."""
-        with replacement_path(Path(path)) as whole:
-            whole.write_text(self.svg, encoding="utf-8")
-
-    def _repr_svg_(self) -> str:
-        return self.svg
 
 
 @final
@@ -102,12 +81,12 @@ class _Block:
 def block_diagram(document: SystemDocument) -> Diagram:
     """Block diagram of a system, under its name."""
     name, parts, connections = document.name, document.parts, document.connections
-    forward = feeds_of(c for c in connections if not c.is_reaction)
     groups = document.graph.strong_components
     numbers = {part: number for number, group in enumerate(groups, 1) for part in group}
-    drawn = schedule.execution_order(parts, forward)[:_MOST]
+    drawn = document.order[:_MOST]
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
-    blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
+    pairs = {(c.source.part.name, c.target.part.name) for c in connections if not c.is_reaction}
+    blocks = _blocks(drawn, parts, pairs, wires)
     bodies = [_block_svg(block, numbers[part], wires) for part, block in blocks.items()]
     bottom = max((block.y + block.height for block in blocks.values()), default=_MARGIN) + _SPACE
     arrows = _arrow_svgs(wires, blocks, bottom)
@@ -157,7 +136,7 @@ def _port_names(part: SystemComponent, causality: str) -> list[str]:
 
 def _blocks(
     drawn: Iterable[str],
-    parts: Components,
+    parts: Mapping[str, SystemComponent],
     pairs: Collection[tuple[str, str]],
     wires: Collection[_Wire],
 ) -> dict[str, _Block]:
