@@ -46,7 +46,7 @@ MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
-register(Services(fmu_file, ssp.read, ssp.write, flattening.flatten))
+register(Services(fmu_file, ssp.read_document, ssp.write, flattening.flatten))
 
 
 def show(

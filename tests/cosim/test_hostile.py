@@ -40,7 +40,7 @@ from liaisons.errors import LiaisonsError
 def message(path):
     try:
         if path.endswith(".ssp"):
-            System.from_document(ssp.read(path)).simulate(1.0, 0.5)
+            ssp.read(path, System).simulate(1.0, 0.5)
         else:
             simulate(path)
     except LiaisonsError as error:

@@ -89,7 +89,7 @@ def test_experiment_is_kept(system: System, tmp_path: Path, form: Form, times: t
 
 def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:
     system.write_ssp(path, **given)
-    return ssp.read(path).experiment
+    return ssp.read(path, System).experiment
 
 
 def test_default_experiments_count_in_every_run(component: FmuPaths, tmp_path: Path) -> None:

@@ -38,7 +38,16 @@ class _Folder:
     """Owner of a folder: the folder is removed with it."""
 
 
-def read(file: Path | str, starts: Mapping[str, object] | None = None) -> SystemDocument:
+def read(file: Path | str, make: type[System] = System, starts: Mapping[str, object] | None = None) -> System:
+    """System in an archive; see :func:`read_document`.
+
+    :param make: :class:`liaisons.System`.
+    :param starts: start values that override those of the archive, by ``"component.variable"``.
+    """
+    return make.from_document(read_document(file, starts))
+
+
+def read_document(file: Path | str, starts: Mapping[str, object] | None = None) -> SystemDocument:
     """System in an archive, whose FMUs are unpacked into a folder that lives as long as the document, or a copy.
 
     :param starts: start values that override those of the archive, by ``"component.variable"``.
@@ -143,21 +152,21 @@ def _component_name(element: ElementPath) -> str:
 
 def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[ElementPath, SystemComponent]:
     """Unpack the FMUs into a directory, and return the components, without start values."""
-    files: dict[str, SystemComponent] = {}
+    fmus: dict[str, SystemComponent] = {}
     size = archive.size
     for component, source in structure.sources.items():
-        if source not in files:
+        if source not in fmus:
             name = _member_name(archive, source, f"the FMU of component {'.'.join(component)}")
-            path = directory / str(len(files)) / PurePosixPath(name).name
+            path = directory / str(len(fmus)) / PurePosixPath(name).name
             archive.copy(name, path)
             try:
-                files[source] = SystemComponent.read(name, path, {})
+                fmus[source] = SystemComponent.read(name, path, {})
             except SimulationError as error:  # it names a temporary file
                 raise SimulationError(str(error).replace(str(path), name)) from error
-            size += files[source].fmu.unpacked
+            size += fmus[source].fmu.unpacked
             if size > unpacked_limit():
                 raise size_error(f"{archive.path} with its FMUs", size)
-    return {c: replace(files[source], name=_component_name(c)) for c, source in structure.sources.items()}
+    return {c: replace(fmus[source], name=_component_name(c)) for c, source in structure.sources.items()}
 
 
 def _start_values(
