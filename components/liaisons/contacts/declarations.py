@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,9 @@ from liaisons.base.array_names import suffixed_name
 from liaisons.errors import suggestion
 from liaisons.language import (
     ContactFormula,
-    Declaration,
-    Dimension,
     Formulas,
     MechanicalComponent,
     Variable,
-    event_output,
-    readable,
 )
 
 
@@ -51,12 +47,11 @@ class unilateral(ContactFormula):
         super().__init__(unit, description, unchecked=unchecked)
         self.restitution, self.size, self.last = restitution, size, last
 
-    def variables(self, dimension: Dimension | None) -> Iterator[Variable]:
+    def variables(self, readable: Callable[..., Variable], at_events: Callable[..., Variable]) -> Iterator[Variable]:
         name, of = self.name, partial(suffixed_name, self.name)
-        yield readable(name, self.unit, self.description, dimension=dimension)
-        yield readable(of("_dot"), units.rate(self.unit), f"rate of {name}", dimension=dimension)
-        yield readable(of("_force"), units.force(self.unit), f"force that upholds {name} >= 0", dimension=dimension)
-        at_events = partial(event_output, dimension=dimension)
+        yield readable(name, self.unit, self.description)
+        yield readable(of("_dot"), units.rate(self.unit), f"rate of {name}")
+        yield readable(of("_force"), units.force(self.unit), f"force that upholds {name} >= 0")
         text = f"sum of the impulses of impacts at {name}"
         yield at_events(of("_impulse"), units.momentum(self.unit), text)
         yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
@@ -65,7 +60,7 @@ class unilateral(ContactFormula):
         text = f"when the bounces of {name} end, or have ended"
         yield at_events(of("_rests_from"), "s", text, causality="local")
         text = f"event indicator of {name}"
-        yield readable(of("_indicator"), "1", text, causality="local", dimension=dimension)
+        yield readable(of("_indicator"), "1", text, causality="local")
 
     def check(
         self,
@@ -112,16 +107,15 @@ class dry_friction(ContactFormula):
         self.static, self.sliding, self.normal = static, sliding or static, normal
         self.size, self.last = size, last
 
-    def variables(self, dimension: Dimension | None) -> Iterator[Variable]:
+    def variables(self, readable: Callable[..., Variable], at_events: Callable[..., Variable]) -> Iterator[Variable]:
         name, of = self.name, partial(suffixed_name, self.name)
-        yield readable(name, self.unit, self.description, dimension=dimension)
+        yield readable(name, self.unit, self.description)
         text = f"force of dry friction along +{name}"
-        yield readable(of("_force"), units.multiplier_unit(self.unit), text, dimension=dimension)
-        at_events = partial(event_output, dimension=dimension)
+        yield readable(of("_force"), units.multiplier_unit(self.unit), text)
         yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
         yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
         text = f"event indicator of {name}"
-        yield readable(of("_indicator"), "1", text, causality="local", dimension=dimension)
+        yield readable(of("_indicator"), "1", text, causality="local")
 
     def check(
         self,
@@ -158,7 +152,7 @@ def _check_bounds(m: MechanicalComponent, formulas: Formulas, item: dry_friction
         item.refuse(f"has static = {item.static!r} of {bounds[0]:g}, but {more}: let static be no less")
 
 
-def _bound(m: MechanicalComponent, formulas: Formulas, item: Declaration, name: str, unit: str) -> float:
+def _bound(m: MechanicalComponent, formulas: Formulas, item: dry_friction, name: str, unit: str) -> float:
     """Value of a bound of dry friction for the default parameters, which may not be negative."""
     declared = {p.name: p for p in m.parameters}
     if not isinstance(name, str) or not (name in declared or hasattr(type(m), name)):
@@ -178,7 +172,7 @@ def _bound(m: MechanicalComponent, formulas: Formulas, item: Declaration, name: 
     return value
 
 
-def _check_restitution(m: MechanicalComponent, item: Declaration, name: str) -> None:
+def _check_restitution(m: MechanicalComponent, item: unilateral, name: str) -> None:
     declared = {p.name: (p.minimum, p.maximum, p.unit) for p in m.parameters}
     low, high, unit = declared.get(name, (None, None, "1"))
     if low is None or high is None or not 0 <= low <= high <= 1:

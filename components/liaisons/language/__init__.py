@@ -34,7 +34,7 @@ from liaisons.language.declarations import (
     rheonomic_constraint,
     unchecked,
 )
-from liaisons.language.layout import Layout, event_output, readable
+from liaisons.language.layout import Layout
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.mechanism import Mechanism, is_positive_definite
 from liaisons.language.operator import Operator
@@ -124,12 +124,10 @@ __all__ = [
     "declare",
     "element",
     "elements_of",
-    "event_output",
     "is_positive_definite",
     "non_holonomic",
     "output",
     "point",
-    "readable",
     "reject_clashes",
     "rheonomic_constraint",
     "shapes_of",

@@ -507,8 +507,11 @@ class ContactFormula(DeclaredFormula[ca.SX]):
     last: bool  # of a chain: of the last link alone
 
     @abstractmethod
-    def variables(self, dimension: Dimension | None) -> Iterator[Variable]:
-        """Output variables of the contact; with a dimension, arrays."""
+    def variables(self, readable: Callable[..., Variable], at_events: Callable[..., Variable]) -> Iterator[Variable]:
+        """Output variables of the contact.
+
+        :param readable: makes one of name, unit and description, ``at_events`` one that changes at events alone.
+        """
 
     @abstractmethod
     def check(

@@ -317,7 +317,10 @@ class MechanicalComponent(Component, abstract=True):
     def _contact_outputs(self) -> Iterator[Variable]:
         """Outputs of unilateral liaisons and dry friction; in a chain, arrays over the links."""
         for item in self.contact_formulas:
-            yield from item.variables(None if item.last else self.dimension)
+            size = None if item.last else self.dimension
+            yield from item.variables(
+                *(partial(make, dimension=size) for make in (layout.readable, layout.event_output))
+            )
         if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
