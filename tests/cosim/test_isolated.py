@@ -17,7 +17,7 @@ import pytest
 from equations import equations
 from making import FmuPaths, wait_for, wired
 
-from liaisons.cosim import IncompleteError, instances, simulate
+from liaisons.cosim import IncompleteError, simulate
 from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
 from liaisons.sweeps import sweep
@@ -229,7 +229,7 @@ def test_no_process_of_its_own_is_left(fmu: FmuPaths, tmp_path: Path, how: str, 
 def test_elsewhere_it_runs_in_this_process(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(instances, "SUPPORTED", False)
+    monkeypatch.setattr(isolated, "SUPPORTED", False)
     with caplog.at_level(logging.WARNING, "liaisons.cosim"):
         simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=True)
     assert "Cubic: to be isolated takes Linux; it runs in this process" in caplog.text

@@ -1,20 +1,5 @@
-"""Verdicts on results: errors, orders of convergence, and tables of claims."""
+"""Verdicts on results: errors, orders of convergence, and tables of claims; each is imported at its first use."""
 
-from liaisons.check.comparison import Comparison, Difference, compare
-from liaisons.check.flows import hamiltonian_flow
-from liaisons.check.measures import crossings, frequencies, max_error, slope
-from liaisons.check.verdicts import Verdict, table, verdict
+import lazy_loader
 
-__all__ = [
-    "Comparison",
-    "Difference",
-    "Verdict",
-    "compare",
-    "crossings",
-    "frequencies",
-    "hamiltonian_flow",
-    "max_error",
-    "slope",
-    "table",
-    "verdict",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,8 +17,8 @@ from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
 from liaisons.identification.verifying import replays
+from liaisons.pictures import new_figure, save_figure
 from liaisons.results import Result
-from liaisons.results.figures import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from liaisons.base.files import replacement_path
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.live.page import live_page
-from liaisons.results.notebook import sandboxed_frame
+from liaisons.pictures import sandboxed_frame
 
 _HEIGHT = 1040
 """Height of a page in a notebook [px]."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 import liaisons
 from liaisons.base.arguments import as_path, name_list
 from liaisons.errors import SimulationError
-from liaisons.results import figures, notebook, tables
+from liaisons.results import tables
 from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class Result(LabelledSignals):
         up, the signal as a colour; what has failed stays blank.
 
         :param names: what to draw, one by one or in a list; if nothing is named, what
-            :func:`liaisons.results.figures.default_names` chooses, or the first six maps.
+            :func:`liaisons.pictures.default_names` chooses, or the first six maps.
         :param over: signal on the horizontal axis, for phase portraits; else time, or of a sweep what was varied, if it
             is one ascending value, else the number of the case.
         :param axes: Matplotlib's axes to draw into, signals of one unit or one map, beside what is there already; else
@@ -133,7 +133,8 @@ class Result(LabelledSignals):
             written.
         """
         chosen = [name for group in names for name in name_list("plot", group)]
-        return figures.plot(self, chosen, over, None if path is None else as_path("plot: path", path), axes)
+        file = None if path is None else as_path("plot: path", path)
+        return liaisons.pictures.plot(self, chosen, over, file, axes)
 
     def animate(
         self,
@@ -172,4 +173,4 @@ class Result(LabelledSignals):
 
     def _repr_html_(self) -> str:
         """HTML by which notebooks show the result."""
-        return notebook.result_html(self)
+        return liaisons.pictures.result_html(self)

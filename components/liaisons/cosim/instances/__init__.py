@@ -9,10 +9,7 @@ from liaisons.base.archive import Archive
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.instances.fmi3 import CoSimulation3
-from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
-from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
 from liaisons.cosim.instances.protocol import Instance
-from liaisons.cosim.instances.sampled import SampledInstance
 from liaisons.cosim.messages import logger
 
 
@@ -45,8 +42,12 @@ def make_instance(
 
     def instantiate() -> Instance:
         if fmu.function is not None:
+            from liaisons.cosim.instances.sampled import SampledInstance
+
             return SampledInstance(name, fmu)
         if fmu.is_model_exchange:
+            from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
+
             return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory)
         if fmu.version == 2:
             return CoSimulation2(name, fmu, directory)
@@ -54,6 +55,8 @@ def make_instance(
 
     if not isolated:
         return instantiate()
+    from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
+
     if not SUPPORTED:
         logger.warning("%s: to be isolated takes Linux; it runs in this process", name)
         return instantiate()

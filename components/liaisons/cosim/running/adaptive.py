@@ -13,14 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, final
+from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
@@ -28,6 +27,9 @@ from liaisons.cosim.running.stepping import save_state, state_calls
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import time_rounding
 from liaisons.errors import RefusedError
+
+if TYPE_CHECKING:
+    from liaisons.cosim.coupling.implicit import Coupled
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
 _FIRST = 4

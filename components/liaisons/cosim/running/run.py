@@ -16,7 +16,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, sleep
-from typing import Any, NoReturn, final
+from typing import TYPE_CHECKING, Any, NoReturn, final
 from weakref import finalize
 
 import numpy as np
@@ -31,7 +31,6 @@ from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls, communication_calls
-from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.coupling.signals import connected_port_outputs, units_of
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.instances.protocol import Loaded
@@ -53,7 +52,6 @@ from liaisons.cosim.running.input_reconstruction import (
     input_reconstructions,
     prepare_initial_gains,
 )
-from liaisons.cosim.running.linearization import Linearization, linearization
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.stepping import FreeInput, RunState, save_state, state_calls
 from liaisons.cosim.running.trial import try_to_start
@@ -65,6 +63,10 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, time_rounding
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
+
+if TYPE_CHECKING:
+    from liaisons.cosim.coupling.implicit import Coupled
+    from liaisons.cosim.running.linearization import Linearization
 
 _PROGRESS_INTERVAL = 0.02
 """Time between two calls of on_progress, about [s]."""
@@ -526,6 +528,8 @@ class Run:
 
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """
+        from liaisons.cosim.running.linearization import linearization
+
         self._require_open()
         values = dict(zip(self._simulation.recorded, self._bus.values[self._columns].tolist(), strict=True))
         return linearization(self._simulation, self._instances, self.time, values)
@@ -777,6 +781,8 @@ class Run:
         simulation, instances, bus = self._simulation, self._instances, self._bus
         if not simulation.iterates:
             return communication_calls(simulation, instances, bus)
+        from liaisons.cosim.coupling.implicit import Coupled
+
         self._coupled = coupled = Coupled(simulation, instances, bus)
         recorded_only = [
             instances[name].getter(

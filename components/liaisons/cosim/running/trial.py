@@ -19,7 +19,7 @@ from weakref import WeakSet
 from liaisons.base import cache
 from liaisons.base.processes import TIME_LIMIT, die_with_parent
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances import Instance, isolated, make_instance
+from liaisons.cosim.instances import Instance, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import ProcessEndedError, SimulationError
 
@@ -50,6 +50,8 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
     settings = digest, fmu.binary, begin, size, sorted(part.starts.items()), sys.version
     key = sha256(repr(settings).encode()).hexdigest()
     if not (cache.is_trusted_fmu(digest) or cache.is_trusted_fmu(key)):
+        from liaisons.cosim.instances import isolated  # most FMUs need no trial
+
         stage, how = (_in_fork if isolated.SUPPORTED else _in_interpreter)(part, directory, begin, size)
         if how:
             raise SimulationError(
@@ -63,6 +65,8 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
 
 def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin: float, size: float) -> Iterator[str]:
     """Start an FMU and step it once; yields each stage before it begins, and :data:`_LAST` after all of them."""
+    from liaisons.cosim.instances import isolated
+
     yield "instantiated"
     instance = make_instance()
     try:
@@ -81,6 +85,7 @@ def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin:
 
 def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
     """Start an FMU in a forked process; returns the last stage, and how the process crashed, if it did."""
+    from liaisons.cosim.instances import isolated
 
     def make_silently() -> Instance:
         logging.disable()

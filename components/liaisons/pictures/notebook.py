@@ -8,11 +8,10 @@ from itertools import islice
 
 import numpy as np
 
-import liaisons
 from liaisons.base.arrays import Floats
 from liaisons.errors import LiaisonsError
-from liaisons.results.signals import LabelledSignals
-from liaisons.results.tables import summary
+from liaisons.pictures.animation import motion_page
+from liaisons.results import Result
 
 _MOST_ROWS = 100
 """Rows of a table."""
@@ -30,25 +29,23 @@ _ROUNDING = 1e-9
 """Largest rounding error of a signal, relative to its size; a smaller change is drawn as none."""
 
 
-def result_html(signals: LabelledSignals) -> str:
+def result_html(signals: Result) -> str:
     """HTML by which a notebook shows signals: their motion, if there is one, and a table with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion_frame(signals)
     remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
     names = [] if signals.kind == "sweep" else signals.entries[:_MOST_ROWS]
     curves = [_small_diagram(signals.numbers(name)) for name in names]
-    return motion + _table(signals.headline, summary(signals, _MOST_ROWS, few=0), curves, remarks)
+    return motion + _table(signals.headline, signals.summary(_MOST_ROWS, few=0), curves, remarks)
 
 
-def _motion_frame(signals: LabelledSignals) -> tuple[str, list[str]]:
+def _motion_frame(signals: Result) -> tuple[str, list[str]]:
     """HTML frame of the motion, empty if there is none; and reasons why it cannot be shown."""
     if signals.scene is None:
         return "", []
     numbers = dict(zip(signals.names, signals.values, strict=True))
     try:
-        page = liaisons.pictures.motion_page(
-            signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES
-        )
+        page = motion_page(signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES)
     except LiaisonsError as error:
         return "", [f"The motion cannot be shown: {error}"]
     frame = sandboxed_frame(page, _FRAME_HEIGHT) if page else ""

@@ -17,7 +17,7 @@ from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
 from liaisons.base.port_names import PortNames, port_names
 from liaisons.errors import SimulationError
-from liaisons.results.signals import LabelledSignals
+from liaisons.results import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,9 +64,7 @@ def default_names(signals: Curves, units: Mapping[str, str], ports: Mapping[str,
     return chosen or [name for name in signals if _magnitude(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def plot(
-    result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None
-) -> Figure:
+def plot(result: Result, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None) -> Figure:
     """Draw a diagram for each unit; of a sweep on a grid of two values, a map of each signal.
 
     :param names: what to draw; if empty, what :func:`default_names` chooses, or the first maps.
@@ -89,7 +87,7 @@ def plot(
 
 
 def _draw_diagrams(
-    result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
+    result: Result, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
 ) -> Sequence[Axes]:
     """Draw a diagram for each unit; returns its axes."""
     timed = result.kind != "sweep"
@@ -129,7 +127,7 @@ def _draw_diagrams(
     return diagrams
 
 
-def _sweep_grid(result: LabelledSignals) -> _Grid | None:
+def _sweep_grid(result: Result) -> _Grid | None:
     """Axes of the grid of a sweep, and the number of the case at [second, first]; None if it is no sweep on a grid."""
     if result.kind != "sweep" or len(result.names) < 3:
         return None
@@ -141,7 +139,7 @@ def _sweep_grid(result: LabelledSignals) -> _Grid | None:
     return (x, y, cases) if cases.min() == 0 else None
 
 
-def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
+def _draw_maps(result: Result, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
     """Draw a map of each signal over the grid of a sweep, blank in failed cases; returns its axes."""
     for name in names:
         result.numbers(name)  # raises if it is unknown

@@ -1,0 +1,11 @@
+from .comparison import Comparison as Comparison
+from .comparison import Difference as Difference
+from .comparison import compare as compare
+from .flows import hamiltonian_flow as hamiltonian_flow
+from .measures import crossings as crossings
+from .measures import frequencies as frequencies
+from .measures import max_error as max_error
+from .measures import slope as slope
+from .verdicts import Verdict as Verdict
+from .verdicts import table as table
+from .verdicts import verdict as verdict
