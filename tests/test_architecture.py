@@ -38,6 +38,41 @@ def test_import_alone_is_light() -> None:
     assert python("import sys, liaisons; print({'numpy', 'casadi', 'fmpy'} & set(sys.modules))") == "set()\n"
 
 
+EXTENSIONS = ("chains", "closed_forms", "contacts", "linkages", "python_fmu", "reference_results", "typed_formulas")
+
+
+def test_the_kernel_derives_without_extensions() -> None:
+    """A mechanism and its C need none; what was imported from the language before is still there, by its old name."""
+    loaded = f"{{f'liaisons.{{name}}' for name in {EXTENSIONS}}} & set(sys.modules)"
+    code = f"""
+import sys
+import liaisons.language as language
+from liaisons.fmu.code import source_files
+from liaisons.mechanics import assemble
+
+class Mass(language.Mechanism):
+    mass = language.Parameter(1.0, "kg", "mass", above=0)
+    x = language.Coordinate("m", "position")
+
+    def kinetic_energy(self):
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def potential_energy(self):
+        return 0 * self.x
+
+source_files(assemble(Mass), "")
+print({loaded})
+
+class Rod(language.Linkage):
+    rod = language.Body(1.0, 1.0, (0, 0, 1))
+    hinge = language.Revolute(language.ground, rod, axis="y", limits=(-1, 1))
+
+model = assemble(Rod)
+print(len(model.contacts), sorted({loaded}))
+"""
+    assert python(code) == "set()\n2 ['liaisons.contacts', 'liaisons.linkages']\n"
+
+
 def test_every_public_name_is_there() -> None:
     assert {name for name in dir(liaisons) if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):
