@@ -127,7 +127,8 @@ def test_one_name_is_one_thing() -> None:
 
 def test_the_map_for_newcomers_names_what_is_there() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## The map")[2].partition("\n## ")[0]
-    assert re.findall(r"^(\d+)\. ", text, re.MULTILINE) == [str(station) for station in range(1, 13)] * 2
+    stations = [str(station) for last in (12, 5, 12) for station in range(1, last + 1)]
+    assert re.findall(r"^(\d+)\. ", text, re.MULTILINE) == stations
 
     names = re.findall(r"`((?:[a-z_]+\.)+[A-Za-z_.]+)`", text)
     for name in names:
