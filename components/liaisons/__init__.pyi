@@ -75,8 +75,8 @@ from .language import turned as turned
 from .language import unchecked as unchecked
 from .library import build as build
 from .library import derive as derive
+from .library import flatten as flatten
 from .library import fmu_path as fmu_path
-from .library.flattening import flatten as flatten
 from .linkages import Body as Body
 from .linkages import BodyPoint as BodyPoint
 from .linkages import Cylindrical as Cylindrical

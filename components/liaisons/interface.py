@@ -23,7 +23,7 @@ from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
 from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
-from liaisons.library import Target, component, flattening, fmu_file, is_target
+from liaisons.library import Target, component, composed_model, flatten, fmu_file, is_target
 from liaisons.sweeps import sweep
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
-register(Services(fmu_file, ssp.read_document, ssp.write, flattening.flatten))
+register(Services(fmu_file, ssp.read_document, ssp.write, flatten))
 
 
 def show(
@@ -89,7 +89,7 @@ def show(
         return live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:
-            whole = flattening.flatten(target, folder)
+            whole = flatten(target, folder)
         except SimulationError as error:
             words = f"show: {target.name}: a force goes back by {two_way[0]}, so that its page is one FMU, by flatten()"
             raise SimulationError(f"{words}: {error}") from error
@@ -120,7 +120,7 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
     from liaisons.mechanics import Model
 
     if isinstance(subject, System):
-        return of_model(flattening.composed_model(subject))
+        return of_model(composed_model(subject))
     return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 

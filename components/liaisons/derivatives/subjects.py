@@ -20,7 +20,7 @@ from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, continuous_model, operator_models, settable_variables
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
-from liaisons.library import Target, component, flattening, fmu_file
+from liaisons.library import Target, component, fmu_file, model_of
 from liaisons.mechanics.model import Model
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _model_and_changed_starts(subject: Subject) -> tuple[Model, Mapping[str, flo
     """Model of a subject, and of an FMU the start values that differ from the declared ones."""
     starts: Mapping[str, float] = {}
     if _is_file(subject):
-        subject, starts = flattening.model_of(subject)
+        subject, starts = model_of(subject)
     remedy = "give its class or .fmu file, whose runs are differentiated"
     model = continuous_model(subject, "a motion with exact derivatives", remedy, allow_contacts=True)
     settings = settable_variables(model, {}).values() if starts else ()

@@ -22,7 +22,7 @@ from liaisons.contacts import Compliance
 from liaisons.cosim import System
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.language import Component, Operator, Variable
-from liaisons.library import Target, component, flattening
+from liaisons.library import Target, component, composed_model
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Contact, Model, Reach, refuse_contacts, refuse_samples
 
@@ -161,7 +161,7 @@ def continuous_model(
     :param task: what needs the model, for the error; ``remedy``: what the user may do instead.
     :raises LiaisonsError: for samples, and for contacts unless they are allowed.
     """
-    equations = flattening.composed_model(subject) if isinstance(subject, System) else subject
+    equations = composed_model(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
     for refuse in (refuse_samples,) if allow_contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)

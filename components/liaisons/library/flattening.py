@@ -21,8 +21,7 @@ from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent, SystemDocument
 from liaisons.errors import SimulationError
-from liaisons.library import component, has_size, is_named, model
-from liaisons.ssp import has_table
+from liaisons.library.fmus import component, has_size, is_named, model
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -101,7 +100,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 def _model_of_part(part: SystemComponent, components: Mapping[str, type[Component]]) -> Model:
     """Return the model that a part's FMU was built from; its class is one of ``components``, or has a name."""
     fmu = part.fmu
-    if has_table(fmu.path):
+    if fmu.has_table:
         raise SimulationError(
             f"{part.name}: {fmu.path.name} has its motion in a file, which no other FMU can take over"
         )

@@ -14,7 +14,6 @@ from liaisons.library import Target, components, is_named
 from liaisons.modelica_text.classes import component_text, library_text, system_text
 from liaisons.modelica_text.standard_library import with_standard_library
 from liaisons.modelica_text.systems import Composition
-from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -62,7 +61,7 @@ def _composition(subject: System) -> Composition:
     """Return components, start values and connections of a system, for its Modelica text."""
     parts = subject.filled()
     for part in parts.values():
-        if not is_named(part.fmu.model_name) or has_table(part.fmu.path):
+        if not is_named(part.fmu.model_name) or part.fmu.has_table:
             raise SimulationError(
                 f"{part.name}: {part.fmu.path.name} is a {part.fmu.model_name!r}; a system in Modelica is made of the "
                 "catalogue's components, with their motion in parameters"

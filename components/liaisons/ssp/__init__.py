@@ -2,7 +2,7 @@
 
 from liaisons.ssp.assignment import fmu_start_values
 from liaisons.ssp.connectors import Form
-from liaisons.ssp.embedded_starts import fmu_with_table, has_table
+from liaisons.ssp.embedded_starts import fmu_with_table
 from liaisons.ssp.experiment import effective_experiment
 from liaisons.ssp.reader import read, read_document
 from liaisons.ssp.writer import write
@@ -12,7 +12,6 @@ __all__ = [
     "effective_experiment",
     "fmu_start_values",
     "fmu_with_table",
-    "has_table",
     "read",
     "read_document",
     "write",

@@ -65,12 +65,6 @@ def fmu_with_table(path: Path, table: Floats) -> bytes:
     return _fmu_with_start_lines(path, [f"t 0 {table.size} {_hexadecimal_bits('>d', table.ravel())} table\n"], {})
 
 
-def has_table(path: Path) -> bool:
-    """Whether an FMU has an embedded table."""
-    with ZipFile(path) as archive:
-        return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
-
-
 def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
     """Content of an FMU file with further lines in its file of start values, and start values in its description."""
     target = io.BytesIO()

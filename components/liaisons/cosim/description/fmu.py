@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Literal, final
+from zipfile import ZipFile
 
 import fmpy
 
@@ -26,6 +27,7 @@ DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
 
 _MISMATCH = "_mismatch"
+_STARTS = "resources/starts.txt"
 
 
 @final
@@ -175,6 +177,12 @@ class Fmu:
         """Values of the items of a variable's enumeration type, by name; empty without such a type."""
         description = read_description(self.path)
         return description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
+
+    @property
+    def has_table(self) -> bool:
+        """Whether the motion of an FMU of liaisons is a table in its resources, not in its parameters."""
+        with ZipFile(self.path) as archive:
+            return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
 
     def require_file(self, task: str) -> None:
         """Raise an error if the FMU is a function of Python, which has no file.
