@@ -27,11 +27,9 @@ from _measure import Row, command, interleaved
 
 from liaisons.base.compiler import compile_library, host_target
 from liaisons.ensembles import ensemble
-from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_models, right_hand_side
-from liaisons.ensembles.steps import LANES, compiled_advance
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
+from liaisons.right_hand_sides import LANES, METHODS, RightHandSide, compiled_advance, continuous_model
 
 MEMBERS = 64 * LANES
 STEP = 0.001
@@ -56,10 +54,8 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
 
 def _measured(title: str, rounds: int, steps: int) -> list[Row]:
     component, operators, values = CASES[title]
-    model = flat_model(component)
-    moving = operator_models(model, operators)
-    moved = [state.name for state in model.states if state.name not in INTEGRALS]
-    found = right_hand_side(model, moving, lanes=values, shared=[], record=moved)
+    moved = continuous_model(component, "a benchmark", "").moved_by(operators)
+    found = moved.right_hand_side(lanes=values, shared=[], record=moved.coordinates_and_momenta)
     count = steps * MEMBERS
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         runs = {"one": _ensemble(found, values, steps), "scalar": _scalar(found, values, steps, Path(folder))}

@@ -19,7 +19,6 @@ from .cosim import Signal as Signal
 from .cosim import read_result as read_result
 from .cosim import sampled as sampled
 from .derivatives import gradient as gradient
-from .derivatives import linearize as linearize
 from .derivatives import sensitivities as sensitivities
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
@@ -31,6 +30,7 @@ from .holding import observe as observe
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
+from .interface import linearize as linearize
 from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate

@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons import live, ssp
 from liaisons.base import cache
-from liaisons.base.arguments import as_path, merged_start_values
+from liaisons.base.arguments import as_path, check_finite, merged_start_values, name_dictionary, name_list
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
-from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
+from liaisons.cosim import Linearization, OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
 from liaisons.library import Target, component, composed_model, flatten, fmu_file, is_target
 from liaisons.sweeps import sweep
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "System",
     "equations",
+    "linearize",
     "operator",
     "show",
     "simulate",
@@ -175,3 +176,39 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
         copy.write_bytes(ssp.fmu_with_table(fmu, table))
         cache.add_trusted_fmu(cache.digest(copy))
     return copy
+
+
+def linearize(
+    subject: Target,
+    at: Mapping[str, ArrayLike] | None = None,
+    *,
+    inputs: str | Iterable[str] | None = None,
+    outputs: str | Iterable[str] | None = None,
+    time: float = 0.0,
+    method: Literal["directional derivatives", "differences"] | None = None,
+) -> Linearization:
+    """Linearize the equations of a component or an FMU at a point, which need not be an equilibrium.
+
+    The FMU's directional derivatives are compared with differences, and not believed where they contradict.
+
+    :param subject: name, file or class of a component, or path of an FMU of Model Exchange; a system is flattened
+        first: ``linearize(system.flatten())``.
+    :param at: values of states, inputs and parameters by name, where they differ from the start values; of a coordinate
+        and its rate those that the motion starts with.
+    :param inputs: an input or several, arrays under their names; None: all continuous ones.
+    :param outputs: an output or another variable, or several; None: all outputs.
+    :param time: [s].
+    :param method: None: directional derivatives where there are any.
+    :raises ProjectError: if there is no such file or component.
+    :raises SimulationError: for an unknown name, a value that the FMU refuses, derivatives that are wrong, or an FMU
+        that is not made for Model Exchange.
+    """
+    from liaisons.cosim import FmuEquations
+
+    path = fmu_file(subject)
+    values = name_dictionary("linearize: at", {} if at is None else at)
+    check_finite("linearize: time", time)
+    chosen_inputs = None if inputs is None else name_list("linearize: inputs", inputs)
+    chosen_outputs = None if outputs is None else name_list("linearize: outputs", outputs)
+    with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
+        return equations.linearization(method)

@@ -10,8 +10,8 @@ import pytest
 
 from liaisons import Result, System, gradient, sensitivities
 from liaisons.base import compiler
+from liaisons.base.compiled_code import compiled_library
 from liaisons.derivatives.functions import motion_functions
-from liaisons.ensembles.steps import compiled_library
 from liaisons.errors import BuildError, ComponentError, InvalidValueError, SimulationError, UnknownSignalError
 
 

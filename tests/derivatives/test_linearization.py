@@ -14,7 +14,7 @@ from making import copied
 from numpy.testing import assert_allclose
 
 from liaisons import linearize
-from liaisons.derivatives.fmu_equations import extrapolated_derivative
+from liaisons.base.differences import extrapolated_derivative
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
@@ -147,7 +147,7 @@ def test_differences_are_exact_for_polynomials_of_their_order(low: float, high: 
             raise LiaisonsError("outside")
         return np.array([4 + 3 * h + sum((2 * h) ** k for k in range(2, n + 1)) for n in (degree, degree + 1)])
 
-    slopes, errors = extrapolated_derivative(values, (0.1, 0.05, 0.025), unit=3.0)
+    slopes, errors = extrapolated_derivative(values, 3.0, (0.1, 0.05, 0.025))
     assert slopes[0] == pytest.approx(1.0, rel=1e-13)
     assert abs(slopes[1] - 1) < errors[1] < 1e-2
 

@@ -14,14 +14,13 @@ from scipy.integrate import solve_ivp
 
 from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
+from liaisons.base.compiled_code import compiled_library
 from liaisons.check import slope
 from liaisons.ensembles import integrating, members
 from liaisons.ensembles.integrating import _step_halving_errors
-from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
-from liaisons.ensembles.steps import compiled_library, ensemble_code
 from liaisons.errors import BuildError, ComponentError, SimulationError
 from liaisons.language import Mechanism
+from liaisons.mechanics import assemble
 from liaisons.models import (
     BouncingBall,
     CartesianPendulum,
@@ -34,6 +33,7 @@ from liaisons.models import (
     Ramp,
     Sinusoid,
 )
+from liaisons.right_hand_sides import METHODS, compiled_advance, continuous_model
 
 ANGLES = np.linspace(0.2, 3.0, 37)  # no multiple of the lanes
 RATES = np.linspace(0.0, 9.0, 37)  # librations and rotations
@@ -290,16 +290,16 @@ def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyP
         return 0 if name == "create_members" and len(called) > 2 else result
 
     monkeypatch.setattr(members, "call_c_function", counted)
-    members.Members(flat_model(BouncingBall), 3)
+    members.Members(assemble(BouncingBall), 3)
     gc.collect()
     assert called == ["create_members", "free_members"]
     with pytest.raises(SimulationError, match=r"^BouncingBall: out of memory for 4 members; take fewer$"):
-        members.Members(flat_model(BouncingBall), 4)
+        members.Members(assemble(BouncingBall), 4)
     gc.collect()
     assert called[2:] == ["create_members", "free_members"]
     for count in (10**18, 10**30):
         with pytest.raises(SimulationError, match=rf"^BouncingBall: out of memory for {count} members; take fewer$"):
-            members.Members(flat_model(BouncingBall), count)
+            members.Members(assemble(BouncingBall), count)
 
 
 def test_a_case_that_fails_on_the_way_has_its_numbers_until_then() -> None:
@@ -351,18 +351,17 @@ def test_misuse_with_contacts(changes, error, message, monkeypatch: pytest.Monke
 
 def test_integrals_are_left_out_unless_they_are_wanted() -> None:
     for value, output, states in (("theta_0", "theta", 2), ("friction", "dissipated", 3)):
-        equations = right_hand_side(flat_model(Pendulum), {}, lanes=[value], shared=[], record=[output])
+        equations = continuous_model(Pendulum, "", "").right_hand_side(lanes=[value], shared=[], record=[output])
         assert equations.start.numel() == states
 
 
 @pytest.mark.parametrize("component", [Pendulum, CartesianPendulum])
 def test_the_generated_code_is_clean(component, monkeypatch) -> None:
-    found = right_hand_side(flat_model(component), {}, lanes=["gravity"], shared=[], record=["energy"])
+    found = continuous_model(component, "", "").right_hand_side(lanes=["gravity"], shared=[], record=["energy"])
     strict = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, *strict))
-    assert compiler.compile_library(
-        {"ensemble.c": ensemble_code(found, METHODS["rk4"]).encode()}, compiler.host_target()
-    )
+    compiled_library.cache_clear()
+    assert compiled_advance(found, METHODS["rk4"], np.zeros(0))
 
 
 @pytest.mark.parametrize(

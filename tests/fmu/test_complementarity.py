@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from liaisons.ensembles.steps import call_c_function, compiled_library
+from liaisons.base.compiled_code import call_c_function, compiled_library
 
 Floats = NDArray[Any]
 TOLERANCE = 1e-13

@@ -38,8 +38,7 @@ from liaisons.analysis.submersions import (
     horizontal_lift,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.legendre import rates_from_momenta
+from liaisons.mechanics import Equations, rates_from_momenta
 
 Loop = Callable[[ca.SX], Mapping[str, Any]]
 """Shapes of a loop: takes the symbol a, which runs from 0 to 2π, and returns expressions by active coordinate."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.analysis.quantity import symbol_values
 from liaisons.base.reference_integration import integrate
 from liaisons.errors import ComponentError
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics import Equations
 
 _TOLERANCE = 1e-12
 """Of integrations, relative and absolute."""

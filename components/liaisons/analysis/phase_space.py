@@ -24,7 +24,7 @@ from liaisons.analysis.quantity import (
     require_no_contacts,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics import Equations
 
 
 def hamiltonian(source: Source) -> Quantity:

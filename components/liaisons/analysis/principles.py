@@ -27,8 +27,7 @@ from liaisons.analysis.quantity import (
 )
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.inertia import inertia_of
+from liaisons.mechanics import Equations, inertia_of
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for squares of cubic polynomials
 _NODES, _WEIGHTS = (1 + _NODES) / 2, _WEIGHTS / 2

@@ -11,15 +11,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons import derive
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.expressions import nonzero_states
-from liaisons.language.checks import checked_scalar
-from liaisons.language.component import Component
-from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.equations import Equations, derive
-from liaisons.mechanics.model import refuse_contacts
+from liaisons.language import Component, MechanicalComponent, Mechanism, checked_scalar
+from liaisons.mechanics import Equations, refuse_contacts
 
 Source = type[Mechanism] | Equations
 """A mechanism, or the equations that were derived from it."""

@@ -13,7 +13,7 @@ import casadi as ca
 from liaisons.algebra import hessian, is_quadratic, solve_symmetric
 from liaisons.analysis.quantity import Source, all_rates, equations_of, require_no_contacts
 from liaisons.errors import ComponentError
-from liaisons.mechanics.equations import Equations
+from liaisons.mechanics import Equations
 
 PURPOSE = "the geometry of active constraints"
 

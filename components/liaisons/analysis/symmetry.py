@@ -30,9 +30,8 @@ from liaisons.analysis.quantity import (
 )
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.checks import checked_scalar
-from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.equations import Equations
+from liaisons.language import Mechanism, checked_scalar
+from liaisons.mechanics import Equations
 
 _FITTED = 1e-8
 """Relative error of coefficients that were fitted to numbers."""

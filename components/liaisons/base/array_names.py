@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 Shape = tuple[int, ...]
 
@@ -47,3 +48,8 @@ def complete_shape(indices: Sequence[Shape]) -> Shape | None:
     if math.prod(shape) != len(indices):
         return None
     return shape if all(element_offset(index, shape) == number for number, index in enumerate(indices)) else None
+
+
+def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
+    """Dictionary from names to values; a ValueError unless there are as many of both."""
+    return dict(zip(names, values, strict=True))

@@ -1,8 +1,11 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
+from typing import TYPE_CHECKING, Any
+
 from liaisons.cosim.description.fmu import DefaultExperiment, experiment_problems, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
 from liaisons.cosim.description.variables import Entry
+from liaisons.cosim.running.linearization import Linearization
 from liaisons.cosim.running.roll_back import roll_back_difference
 from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
@@ -16,14 +19,19 @@ from liaisons.cosim.structure.sources import Signal
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
+if TYPE_CHECKING:
+    from liaisons.cosim.running.fmu_equations import FmuEquations
+
 __all__ = [
     "Connection",
     "Coupling",
     "DefaultExperiment",
     "Diagram",
     "Entry",
+    "FmuEquations",
     "IncompleteError",
     "Interrupted",
+    "Linearization",
     "OperatorFmu",
     "Port",
     "Result",
@@ -48,3 +56,12 @@ __all__ = [
     "simulate",
     "start",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Return what no run needs, imported at its first use."""
+    if name == "FmuEquations":
+        from liaisons.cosim.running.fmu_equations import FmuEquations
+
+        return FmuEquations
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

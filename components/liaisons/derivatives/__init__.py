@@ -1,18 +1,18 @@
-"""Derivatives of motions, and of equations at a point."""
+"""Derivatives of motions."""
 
 from liaisons.derivatives.differentiation import Gradient, Sensitivities, gradient, sensitivities
-from liaisons.derivatives.linearization import Linearization, linearize
-from liaisons.derivatives.motion import DifferentiableMotion
+from liaisons.derivatives.inputs import input_functions
+from liaisons.derivatives.motion import Branch, DifferentiableMotion
 from liaisons.derivatives.subjects import Motion, motion_of
 
 __all__ = [
+    "Branch",
     "DifferentiableMotion",
     "Gradient",
-    "Linearization",
     "Motion",
     "Sensitivities",
     "gradient",
-    "linearize",
+    "input_functions",
     "motion_of",
     "sensitivities",
 ]

@@ -14,20 +14,12 @@ import casadi as ca
 import numpy as np
 
 from liaisons.algebra import stack
+from liaisons.base.arrays import lane_blocks, rows_of_blocks
+from liaisons.base.compiled_code import call_c_function, compiled_library
 from liaisons.derivatives.contacts import Contacts, packaged_c_file
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
-from liaisons.ensembles.kernel import (
-    CArray,
-    c_arguments,
-    c_function,
-    declarations_code,
-    stage_state_code,
-    step_code,
-    weighted_sum_code,
-)
-from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import call_c_function, compiled_library, lane_blocks, rows_of_blocks
 from liaisons.errors import SimulationError
+from liaisons.right_hand_sides import CArray, RightHandSide, StepCode, c_function
 
 Purpose = Literal["run", "tangents", "adjoint"]
 
@@ -297,8 +289,10 @@ def refuse_many(steps: int, t: float) -> None:
 def c_source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None) -> str:
     """C99 code of steps, or of their derivatives, for a purpose."""
     if purpose == "run":
-        return step_code(equations, METHOD, 1, stores_stages=True) + _RUN + (contacts.event_code() if contacts else "")
-    point, lines = c_arguments(equations, packed=False), list[str]()
+        steps = StepCode(equations, METHOD).step(stores_stages=True)
+        return steps + _RUN + (contacts.event_code() if contacts else "")
+    code = StepCode(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1)
+    point, lines = equations.c_arguments(packed=False), list[str]()
     forwards = {"rates": (equations.rates, point), "project": (equations.projected, point)}
     backwards = {}
     if contacts:
@@ -317,16 +311,11 @@ def c_source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | No
     for name, (value, arguments) in backwards.items():
         lines += _adjoint_derivative_code(name, value, arguments, variables)
     if purpose == "tangents":
-        lines += [
-            *stage_state_code(METHOD),
-            *weighted_sum_code(METHOD.rows),
-            f"enum {{ W = {parametric} }};",
-            _TANGENTS,
-        ]
+        lines += [*code.stage_states(), *code.weighted_sums(), f"enum {{ W = {parametric} }};", _TANGENTS]
     else:
-        lines += [*weighted_sum_code(METHOD.adjoint_rows), _ADJOINT]
+        lines += [*code.weighted_sums(adjoint=True), _ADJOINT]
     sweep = [packaged_c_file(f"contact_{purpose}")] if contacts else []
-    return "\n".join([declarations_code(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1), *lines, *sweep])
+    return "\n".join([code.declarations(), *lines, *sweep])
 
 
 def _directional_derivative_code(

@@ -8,9 +8,9 @@ impact, and of the steps behind it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self, TypeAlias, final
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +22,10 @@ from liaisons.derivatives.contacts import Contacts, Kind
 from liaisons.derivatives.motion import (
     CHUNK_NUMBERS,
     STAGE_NUMBERS,
+    Branch,
     Integration,
     SteppedMotion,
+    Undefined,
     Weights,
     recorded_times,
 )
@@ -57,32 +59,12 @@ class _Leg:
     is_first: bool
 
 
-_Undefined: TypeAlias = tuple[float, NDArray[np.bool_], str, bool]
-"""Instant at which derivatives by some values do not exist, and why; whether also behind it."""
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Branch:
-    """A motion with the derivatives of the branch that it takes at events.
-
-    :param signals: (signals, times).
-    :param derivatives: by the values, (signals, times, values).
-    :param undefined: instants at which derivatives by some values do not exist, and why; they differ by branch.  Where
-        these only meet, they are recorded times.
-    :param impacts: of each gap: their instants [s], and derivatives of these, (impacts, values).
-    """
-
-    signals: Floats
-    derivatives: Floats
-    undefined: tuple[_Undefined, ...] = ()
-    impacts: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
-
-
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactMotion(SteppedMotion):
     """A motion with unilateral liaisons and dry friction, whose events depend on its states."""
+
+    has_contacts: ClassVar = True
 
     contacts: Contacts
     steps: ContactSteps
@@ -145,7 +127,7 @@ class ContactMotion(SteppedMotion):
         neighbours = self.times[np.clip([later - 1, later], 0, len(self.times) - 1)]
         return np.any(np.abs(neighbours - instants) <= _AT_EVENT * np.maximum(1.0, np.abs(instants)), axis=0)
 
-    def _warn_of_undefined(self, undefined: Sequence[_Undefined]) -> NDArray[np.bool_]:
+    def _warn_of_undefined(self, undefined: Sequence[Undefined]) -> NDArray[np.bool_]:
         """Log the derivatives that do not exist; return whether one is among these, (times, values)."""
         result = np.zeros((len(self.times), len(self.values)), dtype=bool)
         for instant, columns, reason, lasts in undefined:
@@ -169,7 +151,7 @@ class ContactMotion(SteppedMotion):
         """The same motion: its steps are chosen in each run, as they end at events."""
         return self
 
-    def _state_and_event_derivatives(self, run: Integration) -> tuple[Floats, list[_Undefined], Floats]:
+    def _state_and_event_derivatives(self, run: Integration) -> tuple[Floats, list[Undefined], Floats]:
         """Derivatives of states and of instants of events, and where some do not exist.
 
         :returns: derivatives on the branch that is taken, of states at the recorded times (times, states, values); what
@@ -177,7 +159,7 @@ class ContactMotion(SteppedMotion):
         """
         f, k, count = self.functions, run.k, len(run.k)
         of_y, slope = f.start_derivatives(k, self.table[0]).full(), np.zeros(count)
-        records, undefined, slopes = np.empty((len(self.times), f.states, count)), list[_Undefined](), list[Floats]()
+        records, undefined, slopes = np.empty((len(self.times), f.states, count)), list[Undefined](), list[Floats]()
         for leg in run.legs:
             entries, stages = leg.entries, self._stages(run, leg)
             if leg.landing is not None:
@@ -198,7 +180,7 @@ class ContactMotion(SteppedMotion):
                 undefined += [doubt] if doubt[1].any() else []
         return records, undefined, np.concatenate(slopes)
 
-    def _undefined_at(self, entry: Entries, k: Floats, y: Floats, of_y: Floats, slope: Floats) -> _Undefined:
+    def _undefined_at(self, entry: Entries, k: Floats, y: Floats, of_y: Floats, slope: Floats) -> Undefined:
         """Derivatives that may not exist behind an entry, and why.
 
         :param of_y: derivatives of the state, (states, values), and of the instant, ``slope``, before it.

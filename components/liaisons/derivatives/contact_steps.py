@@ -8,10 +8,10 @@ from typing import Any, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.arrays import lane_blocks, rows_of_blocks
 from liaisons.derivatives.compiled_steps import DIRECTIONS, CompiledSteps, refuse_many, stage_room
 from liaisons.derivatives.contacts import Contacts, Kind, complementarity_choose_address
 from liaisons.derivatives.steps import METHOD, Floats, Segment
-from liaisons.ensembles.steps import lane_blocks, rows_of_blocks
 
 
 @final

@@ -20,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.algebra import stack
-from liaisons.derivatives.steps import Floats
-from liaisons.ensembles.kernel import c_arguments, c_function
-from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import compiled_library
+from liaisons.base.arrays import Floats
+from liaisons.base.compiled_code import compiled_library
 from liaisons.errors import SimulationError
+from liaisons.right_hand_sides import RightHandSide, c_function
 
 Kind = IntEnum("Kind", "STEP SETTLED LAST RESTORED STRUCK GRAZED WEAK_GAP WEAK_RATE WEAK_IMPACT WEAK_REST", start=0)
 """Of entries: a step; modes that were chosen; the end of a segment; maps of the state, which put the drift of what is
@@ -65,10 +64,10 @@ class Contacts:
         """Take the equations of the motion."""
         assert equations.contacts is not None
         self._name, self._equations, self._contacts = name, equations, equations.contacts
-        self.names, self.gaps = [contact.name for contact in self._contacts.contacts], self._contacts.gaps
+        self.names, self.gaps = self._contacts.names, self._contacts.gaps
         self.count, self.indicators = len(self.names), self._contacts.indicators
         self.remembered = self.count + 2 * self.gaps
-        self._normals = [self.names.index(c.normal) if c.normal else -1 for c in self._contacts.contacts]
+        self._normals = self._contacts.normals
         self.flags = ca.SX.sym("flags", 3 * self.count)
         self._held, self._direction, self._approaching = ca.vertsplit(self.flags, self.count)
         floats = {"t": (), "h": (), "moved": (4,), "flags": (3 * self.count,)}
@@ -92,7 +91,7 @@ class Contacts:
 
     def event_code(self) -> str:
         """C code that takes steps through events, see ``contact_run.c``."""
-        point, columns = c_arguments(self._equations, packed=False), self._contacts.numbers
+        point, columns = self._equations.c_arguments(packed=False), self._contacts.numbers
         functions = {"watch": (point, self.indicators), "contact_numbers": (point, stack(columns.values()))}
         functions |= {
             name: ([*point, (self.flags, "flags")], value) for name, value in self.states_after_events.items()

@@ -10,15 +10,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons import Result
 from liaisons.base.arguments import check_finite, merged_start_values, shown
 from liaisons.base.array_names import array_and_index
+from liaisons.base.clocks import communication_points
 from liaisons.base.logs import collected_warnings
 from liaisons.base.units import quotient
-from liaisons.cosim.structure.simulation import communication_points
 from liaisons.derivatives.steps import Floats
 from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
-from liaisons.results import Result
 
 _INTERVALS = 200
 """Number of intervals between recorded times, unless their distance is set."""

@@ -15,18 +15,20 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import count, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, final
+from typing import TYPE_CHECKING, Any, ClassVar, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons import Result
 from liaisons.base.arguments import float_array, name_list
+from liaisons.base.arrays import Floats
+from liaisons.base.differences import SIZES, extrapolated_derivative
 from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
-from liaisons.cosim import Port, Result, System, SystemDocument, checked_simulation, run_to_end
-from liaisons.cosim.description.fmu import read
-from liaisons.cosim.running.linearization import Method
-from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated_derivative
+from liaisons.cosim import FmuEquations, System, simulate
+from liaisons.derivatives.inputs import input_functions
+from liaisons.derivatives.motion import Branch
 from liaisons.errors import RefusedError, SimulationError
 
 if TYPE_CHECKING:
@@ -56,7 +58,7 @@ _RATE_POINTS = 8
 class FmuMotion:
     """A motion of FMUs as a function of some values, with the interface of a ``DifferentiableMotion``.
 
-    :param single: whether it is of one FMU, whose variables have no prefix.
+    :param path: of the FMU, whose variables have no prefix; None: of a system.
     :param starts: start values that differ from those of the system.
     :param inputs: input -> piecewise polynomial of time.
     :param times: recorded [s], from ``start_time`` on, where runs have communication points.
@@ -66,7 +68,7 @@ class FmuMotion:
     """
 
     system: System
-    single: bool
+    path: Path | None
     starts: Mapping[str, Any]
     inputs: Mapping[str, PPoly]
     start_time: float
@@ -76,7 +78,8 @@ class FmuMotion:
     values: Floats = field(default_factory=lambda: np.empty(0))
     signals: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
-    method: Method = "differences"
+    method: str = "differences"
+    has_contacts: ClassVar = False
 
     @property
     def name(self) -> str:
@@ -90,6 +93,10 @@ class FmuMotion:
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values); not-a-number beside events."""
         return self._signals_and_derivatives(values)
+
+    def branch(self, values: ArrayLike) -> Branch:
+        """Signals and their derivatives."""
+        return Branch(*self.forward(values))
 
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
@@ -115,20 +122,18 @@ class FmuMotion:
 
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
         """Result of a run of the FMUs with further start values."""
-        title, starts = self.name, {**self.starts, **values}
-        whole = replace(self.system.document.filled(), name=title, single=self.single)
-        document = whole.with_start_values(starts)
+        starts, document = {**self.starts, **values}, replace(self.system.document, single=self.path is not None)
+        options = {"times": self._integration_times(), "tolerance": self.tolerance, "record": record}
         functions = input_functions(document, self.inputs)
-        times, tolerance = self._integration_times(), self.tolerance
-        return run_to_end(
-            checked_simulation(document, times=times, tolerance=tolerance, record=record, inputs=functions)
-        )
+        if self.path is not None:
+            return simulate(self.path, **options, inputs=functions, start_values=starts)
+        return self.system.with_start_values(starts).simulate(**options, inputs=functions)
 
     def equations(self, values: Floats) -> FmuEquations:
         """Equations of the single FMU."""
-        (part,) = self.system.parts.values()
+        assert self.path is not None
         starts = {**self.starts, **self._values_by_name(values)}
-        return FmuEquations(part.fmu.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
+        return FmuEquations(self.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
 
     def _values_by_name(self, values: Floats) -> dict[str, float]:
         """Values as a dictionary by their names."""
@@ -174,7 +179,7 @@ class FmuMotion:
                 return runs[h][:count]
 
             unit = change.sum()
-            column, error = extrapolated_derivative(displaced, _RUN_SIZES, unit)
+            column, error = extrapolated_derivative(displaced, unit, _RUN_SIZES)
             if all({h, -h} <= runs.keys() for h in _RUN_SIZES):  # half of what those to both sides differ by, at h = 0
                 sides = [(displaced(h) - 2 * signals + displaced(-h)) / (2 * h * unit) for h in _RUN_SIZES]
                 coarse, fine = (2 * small - large for large, small in pairwise(sides))
@@ -192,7 +197,7 @@ class FmuMotion:
     def _discrete_variables(self) -> list[str]:
         """Names of the integer and Boolean variables, which change at events."""
         return [
-            name if self.single else f"{part.name}.{name}"
+            name if self.path else f"{part.name}.{name}"
             for part in self.system.parts.values()
             for entry in part.fmu.variables.entries.values()
             if entry.prototype.type in _MODES and entry.prototype.causality in {"output", "local"}
@@ -224,7 +229,7 @@ class FmuMotion:
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
             neighbours = [
-                {h: stack.enter_context(self.equations(values + h * change)) for s in DIFFERENCES for h in (s, -s)}
+                {h: stack.enter_context(self.equations(values + h * change)) for s in SIZES for h in (s, -s)}
                 for change in changes
             ]
             states, calls = len(equations.x), count()
@@ -232,7 +237,7 @@ class FmuMotion:
             def derivatives_by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
                 """Derivatives of a function of the equations by each value, from differences."""
                 return [
-                    extrapolated_derivative(lambda h, fmus=fmus: function(fmus[h]), DIFFERENCES, change.sum())[0]
+                    extrapolated_derivative(lambda h, fmus=fmus: function(fmus[h]), change.sum())[0]
                     for fmus, change in zip(neighbours, changes, strict=True)
                 ]
 
@@ -289,7 +294,7 @@ def fmu_motion(
     system, path = (subject, None) if isinstance(subject, System) else (System(subject.stem), subject)
     if path is not None:
         system.add(system.name, path)
-    motion = FmuMotion(system, path is not None, start_values or {}, inputs or {}, start_time, tolerance, times)
+    motion = FmuMotion(system, path, start_values or {}, inputs or {}, start_time, tolerance, times)
     if record is None:
         outputs = [(part, name) for part in system.parts.values() for name in part.fmu.reals("output")]
         record = [name if path else f"{part.name}.{name}" for part, name in outputs]
@@ -301,27 +306,9 @@ def fmu_motion(
         signals=signals.names,
         units={**starts.units, **signals.units},
     )
-    if path and read(path, prefers="ModelExchange").provides_directional_derivatives:
+    if path and FmuEquations.are_differentiable(path):
         with motion.equations(motion.values) as equations:
             if equations.states and not equations.has_events:
                 equations.checked_jacobian()
                 return replace(motion, method="directional derivatives")
     return motion
-
-
-def input_functions(document: SystemDocument, polynomials: Mapping[str, PPoly]) -> dict[str, Callable[[float], Any]]:
-    """Functions of time for inputs; those of an active coordinate return value, rate and acceleration.
-
-    :raises SimulationError: for an unknown name.
-    """
-    functions: dict[str, Callable[[float], Any]] = {}
-    for name, polynomial in polynomials.items():
-        owner, variable = document.reference("input", name)
-        is_port = Port(document.parts[owner], variable).triple() is not None
-        functions[name] = partial(_value_and_rates, polynomial) if is_port else polynomial
-    return functions
-
-
-def _value_and_rates(polynomial: PPoly, t: float) -> tuple[Any, ...]:
-    """Value, rate and acceleration of a polynomial at a time [s]."""
-    return tuple(polynomial(t, order) for order in range(3))

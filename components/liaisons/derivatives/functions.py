@@ -12,10 +12,9 @@ import numpy as np
 from liaisons.algebra import stack
 from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.contacts import Contacts
-from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
 from liaisons.expressions import Program, program
-from liaisons.fmu import jump_effects
-from liaisons.mechanics.model import Model
+from liaisons.mechanics import Model
+from liaisons.right_hand_sides import ContinuousModel, RightHandSide
 
 
 @final
@@ -34,6 +33,8 @@ class MotionFunctions:
     @cached_property
     def state_moving_inputs(self) -> set[str]:
         """Names of the active coordinates that move states when they jump."""
+        from liaisons.fmu import jump_effects
+
         effects, active = jump_effects(self._model), [a.value for a in self._model.active]
         moving = np.isin(active, self.prescribed_names)
         carries = effects.moves | effects.mixes[:, moving].any(axis=1)
@@ -110,6 +111,5 @@ def motion_functions(
     driven: tuple[str, ...],
 ) -> MotionFunctions:
     """Functions of a motion; those of the last 32 motions are cached."""
-    return MotionFunctions(
-        model, right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven)
-    )
+    moved = ContinuousModel(model, dict(moving))
+    return MotionFunctions(model, moved.right_hand_side(lanes=names, shared=shared, record=record, driven=driven))

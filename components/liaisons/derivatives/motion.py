@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any, ClassVar, Self, TypeAlias, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import float_array
 from liaisons.derivatives.functions import MotionFunctions
@@ -74,6 +74,28 @@ class Integration:
     points: list[Floats]
 
 
+Undefined: TypeAlias = tuple[float, NDArray[np.bool_], str, bool]
+"""Instant at which derivatives by some values do not exist, and why; whether also behind it."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A motion with the derivatives of the branch that it takes at events.
+
+    :param signals: (signals, times).
+    :param derivatives: by the values, (signals, times, values).
+    :param undefined: instants at which derivatives by some values do not exist, and why; they differ by branch.  Where
+        these only meet, they are recorded times.
+    :param impacts: of each gap: their instants [s], and derivatives of these, (impacts, values).
+    """
+
+    signals: Floats
+    derivatives: Floats
+    undefined: tuple[Undefined, ...] = ()
+    impacts: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SteppedMotion(ABC):
     """A motion as a function of some of its values, with derivatives of the steps that are taken.
@@ -89,6 +111,7 @@ class SteppedMotion(ABC):
     """
 
     method: ClassVar = "steps"
+    has_contacts: ClassVar = False
 
     name: str
     functions: MotionFunctions
@@ -124,6 +147,10 @@ class SteppedMotion(ABC):
     @abstractmethod
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values)."""
+
+    def branch(self, values: ArrayLike) -> Branch:
+        """Signals, and their derivatives on the branch that the motion takes at events."""
+        return Branch(*self.forward(values))
 
     @abstractmethod
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:

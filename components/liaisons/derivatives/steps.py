@@ -8,11 +8,11 @@ from typing import Any, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.ensembles.methods import METHODS
+from liaisons.base.arrays import Floats
+from liaisons.right_hand_sides import METHODS
 
 METHOD = METHODS["rk8"]
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int_]
 Event: TypeAlias = tuple[float, Floats]
 """Instant of an event [s], and its derivatives by the values, (values,)."""

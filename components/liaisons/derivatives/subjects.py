@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_finite, check_positive, float_array, name_dictionary, name_list
 from liaisons.base.array_names import array_and_index
-from liaisons.cosim import OperatorFmu, System
-from liaisons.derivatives.contact_motion import ContactMotion, with_contacts
-from liaisons.derivatives.fmus import FmuMotion, fmu_motion
+from liaisons.base.arrays import Floats
 from liaisons.derivatives.functions import motion_functions
 from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, check_domain, recorded_times
-from liaisons.derivatives.steps import Floats
-from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, continuous_model, operator_models, settable_variables
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
-from liaisons.library import Target, component, fmu_file, model_of
-from liaisons.mechanics.model import Model
+from liaisons.library import Target, component, fmu_file
+from liaisons.mechanics import Model
+from liaisons.right_hand_sides import DEGREE, continuous_model
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
+
+    from liaisons.cosim import System
+    from liaisons.derivatives.contact_motion import ContactMotion
+    from liaisons.derivatives.fmus import FmuMotion
 
 Subject: TypeAlias = "Target | Model | System"
 Motion: TypeAlias = "DifferentiableMotion | ContactMotion | FmuMotion"
@@ -60,28 +61,32 @@ def motion_of(
     :raises SimulationError: for a bad number, or a system that cannot be flattened.
     """
     try:
-        model, own_values = _model_and_changed_starts(subject)
+        remedy = "give its class or .fmu file, whose runs are differentiated"
+        task = "a motion with exact derivatives"
+        continuous = continuous_model(subject, task, remedy, allow_contacts=True, allow_fmus=True)
     except (SimulationError, ComponentError):
         foreign = _subject_of_runs(subject)
         if foreign is None:
             raise
         if operators:
             raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
+        from liaisons.derivatives.fmus import fmu_motion
+
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
         return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
-    moving = operator_models(model, operators)
+    moved = continuous.moved_by(operators)
+    model, moving = moved.model, moved.moving
     driven = name_dictionary("inputs", inputs or {})
     check_finite("start_time", start_time)
     check_positive("tolerance", tolerance)
-    variables = settable_variables(model, moving)
+    variables = moved.variables
     _refuse_inputs(model, driven, moving)
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
-    for name, value in {**own_values, **name_dictionary("start_values", start_values or {})}.items():
+    for name, value in {**moved.starts, **name_dictionary("start_values", start_values or {})}.items():
         elements = _variable_names(model, name, variables)
-        if isinstance(value, OperatorFmu):
-            raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
+        _refuse_operator(name, value)
         array = float_array(name, value)
         if array.shape not in ((), (len(elements),)):
             raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
@@ -94,7 +99,7 @@ def motion_of(
     shared = [name for name in values if name not in names]
 
     outputs = {variable.name: variable for variable in model.outputs}
-    signals = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
+    signals = moved.coordinates_and_momenta
     if record is not None:
         signals = [element for name in name_list("record", record) for element in _element_names(name, outputs)]
     functions = motion_functions(
@@ -131,33 +136,32 @@ def motion_of(
         units={name: variable.unit for name, variable in described.items()},
         tolerance=tolerance,
     )
-    return motion if functions.contacts is None else with_contacts(motion, functions.contacts)
+    if functions.contacts is None:
+        return motion
+    from liaisons.derivatives.contact_motion import with_contacts
+
+    return with_contacts(motion, functions.contacts)
 
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:
     """System or FMU whose runs are to be differentiated, for lack of equations or because it samples; else None."""
+    from liaisons.cosim import System
+
     if isinstance(subject, (System, Model)):
         return subject if isinstance(subject, System) else None
-    if _is_file(subject):
+    if isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu":
         return Path(subject)
-    declared = component(cast("Target", subject))
-    return fmu_file(subject) if declared.is_sampled() else None
+    return fmu_file(subject) if component(subject).is_sampled() else None
 
 
-def _is_file(subject: object) -> TypeGuard[str | Path]:
-    """Whether a subject is the path of an FMU."""
-    return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
+def _refuse_operator(name: str, value: object) -> None:
+    """Raise a SimulationError for an operator in place of a number."""
+    if isinstance(value, (int, float, str, list, tuple, np.ndarray)):
+        return
+    from liaisons.cosim import OperatorFmu
 
-
-def _model_and_changed_starts(subject: Subject) -> tuple[Model, Mapping[str, float]]:
-    """Model of a subject, and of an FMU the start values that differ from the declared ones."""
-    starts: Mapping[str, float] = {}
-    if _is_file(subject):
-        subject, starts = model_of(subject)
-    remedy = "give its class or .fmu file, whose runs are differentiated"
-    model = continuous_model(subject, "a motion with exact derivatives", remedy, allow_contacts=True)
-    settings = settable_variables(model, {}).values() if starts else ()
-    return model, {v.name: starts[v.name] for v in settings if starts[v.name] != v.start}
+    if isinstance(value, OperatorFmu):
+        raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
 
 
 def _element_names(name: str, names: Iterable[str]) -> list[str]:

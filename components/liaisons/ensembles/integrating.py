@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons import Result
 from liaisons.base.arguments import (
     check_choice,
     check_integer,
@@ -21,25 +22,22 @@ from liaisons.base.arguments import (
     name_dictionary,
     name_list,
 )
+from liaisons.base.arrays import Floats, lane_blocks, rows_of_blocks
 from liaisons.ensembles.members import Members, model_with_operators
-from liaisons.ensembles.methods import METHODS, Tableau
-from liaisons.ensembles.right_hand_sides import (
-    INTEGRALS,
-    checked_output_rows,
-    continuous_model,
-    domain_gaps,
-    operator_models,
-    right_hand_side,
-    settable_variables,
-)
-from liaisons.ensembles.steps import Advance, Floats, compiled_advance, lane_blocks, rows_of_blocks
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
-from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
-from liaisons.mechanics.model import Model, refuse_contacts
-from liaisons.results import Result
+from liaisons.mechanics import refuse_contacts
+from liaisons.right_hand_sides import (
+    LANES,
+    METHODS,
+    Advance,
+    ContinuousModel,
+    Tableau,
+    compiled_advance,
+    continuous_model,
+)
 
 _CHUNK = 16
 """Most blocks in one task of a thread."""
@@ -107,11 +105,10 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    model = continuous_model(
+    moved = continuous_model(
         found_component(component), "an ensemble", "take sweep(), which runs its FMU", allow_contacts=True
-    )
-    moving = operator_models(model, operators)
-    variables = settable_variables(model, moving)
+    ).moved_by(operators)
+    model, variables = moved.model, moved.variables
     for name in name_dictionary("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
@@ -128,14 +125,13 @@ def ensemble(
         )
     arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
     count = _case_count(model.name, {name: array for name, array in arrays.items() if array.ndim})
-    moved = [state.name for state in model.states if state.name not in INTEGRALS]
-    names = tuple(moved if record is None else name_list("record", record))
+    names = tuple(moved.coordinates_and_momenta if record is None else name_list("record", record))
     threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
     try:
         if samples * count > _MOST_NUMBERS:
             raise MemoryError
         time = np.linspace(start_time, stop_time, samples + 1)
-        cases = _Cases(model, moving, arrays, count, names, time, step_size, threads)
+        cases = _Cases(moved, arrays, count, names, time, step_size, threads)
         if model.contacts:
             fine, failures, errors = _integrate_with_contacts(cases, estimate=estimate)
         else:
@@ -144,7 +140,7 @@ def ensemble(
     except MemoryError:
         reason = f"samples = {samples} of {count} cases are more numbers than memory holds; record less"
         raise SimulationError(reason) from None
-    failures |= {case: (0, text) for case, text in _domain_failures(variables, arrays, count).items()}
+    failures |= {case: (0, text) for case, text in _domain_failures(moved, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
     units = {variable.name: variable.unit for variable in model.outputs}
@@ -164,13 +160,11 @@ def ensemble(
 class _Cases:
     """Cases of an ensemble, and what is recorded of them.
 
-    :param moving: active coordinate -> model of its operator.
     :param arrays: values by name: a number, or one a case.
     :param names: outputs that are recorded, at ``time``.
     """
 
-    model: Model
-    moving: Mapping[str, Model]
+    moved: ContinuousModel
     arrays: Mapping[str, Floats]
     count: int
     names: Sequence[str]
@@ -199,12 +193,10 @@ def _integrate_with_fixed_steps(
     cases: _Cases, tableau: Tableau, *, estimate: bool
 ) -> tuple[Floats, Failures, Floats | None]:
     """Outputs (signals, times, cases), failures, and errors of cases without contacts, by steps of one size."""
-    model, moving, time = cases.model, cases.moving, cases.time
+    moved, time = cases.moved, cases.time
     lanes = {name: array for name, array in cases.arrays.items() if array.ndim}
     shared = {name: array for name, array in cases.arrays.items() if not array.ndim}
-    equations = right_hand_side(
-        model, moving, lanes=lanes, shared=shared, record=cases.names, start_time=float(time[0])
-    )
+    equations = moved.right_hand_side(lanes=lanes, shared=shared, record=cases.names, start_time=float(time[0]))
     each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
     advance = compiled_advance(equations, tableau, once)
 
@@ -222,10 +214,10 @@ def _integrate_with_fixed_steps(
     errors = None
     if estimate:
         runs = (recorded(part)[::2] for part in (steps // 2, steps // 4))
-        smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
+        smooth = not any(part.events.numel_out(0) for part in (moved.model, *moved.moving.values()))
         errors = _step_halving_errors((fine, states), *runs, order=tableau.order if smooth else 1)
     failures = _run_failures(fine, conditions, equations.condition_texts, time)
-    for case, (first, _) in failures.items() if equations.reaches else ():
+    for case, (first, _) in failures.items() if equations.model.reaches else ():
         if first and not np.isfinite(fine[:, first, case]).all():
             before = each[:, case], once, states[:, first - 1, case]
             end = time[min(first + 1, len(time) - 1)]  # at a dead point itself all can be kept
@@ -236,13 +228,13 @@ def _integrate_with_fixed_steps(
 
 def _integrate_with_contacts(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
     """Outputs (signals, times, cases), failures, and errors of cases with contacts, by the steps of their FMU."""
-    checked_output_rows(cases.model, cases.names)
+    cases.moved.check_outputs(cases.names)
     if not cases.names:
-        raise ComponentError(f"record = []: name an output of {cases.model.name}")
-    model, count = model_with_operators(cases.model, cases.moving), cases.count
+        raise ComponentError(f"record = []: name an output of {cases.moved.model.name}")
+    model, count = model_with_operators(cases.moved), cases.count
     names = [*cases.arrays]
     values = np.stack([np.broadcast_to(array, count) for array in cases.arrays.values()], axis=-1)
-    rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps_per_record()
+    rows, steps = [*cases.names, *(state.name for state in cases.moved.model.states)], cases.steps_per_record()
     points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
 
     tolerances = [model.experiment.tolerance / _TIGHTER] * estimate + [0.0]
@@ -280,7 +272,7 @@ def _integrated_states(cases: _Cases, advance: Advance, lanes: Floats, start: Fl
     :param lanes: values that differ between the cases, (values, cases).
     :param steps: number between recorded times.
     """
-    values, first = lane_blocks(lanes), lane_blocks(start)
+    values, first = lane_blocks(lanes, LANES), lane_blocks(start, LANES)
     records = np.empty((len(cases.time), *first.shape))
     records[0] = first
 
@@ -341,12 +333,12 @@ def _case_count(owner: str, arrays: Mapping[str, Floats]) -> int:
     return next(iter(counts.values()))
 
 
-def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
+def _domain_failures(moved: ContinuousModel, arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
     """Reasons of the cases that have a value outside its domain."""
     texts: dict[int, str] = {}
     for name, array in arrays.items():
-        variable, values = variables[name], np.broadcast_to(array, count)
-        allowed = np.all([np.isfinite(values), *(gap > 0 for gap in domain_gaps(variable, values))], axis=0)
+        variable, values = moved.variables[name], np.broadcast_to(array, count)
+        allowed = np.all([np.isfinite(values), *(gap > 0 for gap in moved.domain_gaps(name, values))], axis=0)
         for case in np.flatnonzero(~allowed).tolist():
             texts.setdefault(case, f"{name} = {values[case]:g}: must be {variable.domain() or 'finite'}")
     return texts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache
 from importlib import resources
@@ -14,14 +14,14 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.base.arrays import Floats
+from liaisons.base.compiled_code import call_c_function, loaded_library
 from liaisons.base.compiler import compile_library, host_target
-from liaisons.ensembles.steps import Floats, call_c_function, loaded_library
+from liaisons.base.port_names import port_names
 from liaisons.errors import SimulationError
-from liaisons.fmu.code import core_files
-from liaisons.fmu.layout import first_reference
-from liaisons.language.operator import TRIPLE
-from liaisons.mechanics import Model
-from liaisons.mechanics.composition import compose
+from liaisons.fmu import core_files, first_reference
+from liaisons.mechanics import Model, compose
+from liaisons.right_hand_sides import ContinuousModel
 
 _MEMBER = np.dtype([("instance", np.uintp), ("reason", "S512")])
 """As in ``members.c``."""
@@ -29,16 +29,14 @@ _LOCK = Lock()
 """Of the libraries, so that threads do not compile the same one at once."""
 
 
-def model_with_operators(model: Model, moving: Mapping[str, Model]) -> Model:
-    """Model composed with its operators, in which its own variables have names such as ``"Pendulum.theta"``.
-
-    :param moving: active coordinate -> model of the operator that moves it.
-    """
+def model_with_operators(moved: ContinuousModel) -> Model:
+    """Model composed with its operators, in which its own variables have names such as ``"Pendulum.theta"``."""
+    model, moving = moved.model, moved.moving
     triples = [(a.value, a.rate, a.acceleration) for a in model.active if a.value in moving]
     sources = {
         f"{model.name}.{name}": f"{triple[0]}.{source}"
         for triple in triples
-        for name, source in zip(triple, TRIPLE, strict=True)
+        for name, source in zip(triple, port_names("y"), strict=False)
     }
     return compose(model.name, {model.name: model, **moving}, sources) if moving else model
 

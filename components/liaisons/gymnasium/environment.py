@@ -13,15 +13,13 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
+from liaisons import start
 from liaisons.base.arguments import check_integer, name_dictionary
 from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
-from liaisons.fmu.calls import Call
+from liaisons.fmu import Call
 from liaisons.gymnasium.task import Floats, Task, TaskOptions
-from liaisons.interface import start
 from liaisons.library import component
-from liaisons.pictures.drawing import frame_images
-from liaisons.pictures.frames import picture_frames
-from liaisons.pictures.stage import Stage
+from liaisons.pictures import last_image
 from liaisons.planning import Plan, plan
 
 _START = re.compile(r"_0(?=\[|$)")
@@ -133,10 +131,8 @@ class Environment(gymnasium.Env[Any, Any]):
         names = self._scene.picture.variables
         self._shown.append([self._run.time, *map(self._value, names)])
         time, *columns = np.transpose(self._shown)
-        shown = picture_frames(
-            self._scene.picture, time, dict(zip(names, columns, strict=True)).__getitem__, title=self.title
-        )
-        return next(frame_images(Stage(shown), first=len(time) - 1, ratio=1.0))
+        values = dict(zip(names, columns, strict=True))
+        return last_image(self._scene.picture, time, values.__getitem__, title=self.title)
 
     def close(self) -> None:
         """Free the FMUs."""

@@ -12,16 +12,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_integer, float_array
-from liaisons.ensembles.members import Members
-from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import continuous_model, domain_gaps, right_hand_side, settable_variables
-from liaisons.ensembles.steps import compiled_advance, lane_blocks, rows_of_blocks
+from liaisons.base.arrays import lane_blocks, rows_of_blocks
+from liaisons.ensembles import Members
 from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.expressions import program
 from liaisons.gymnasium.environment import Environment
 from liaisons.gymnasium.task import Floats, Task, Truths
 from liaisons.library import component
-from liaisons.mechanics.model import Model
+from liaisons.right_hand_sides import LANES, METHODS, ContinuousModel, compiled_advance, continuous_model
 
 _MOST_COPIES = 10**7
 
@@ -57,14 +55,14 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._moved = [name for port in self.task.act_ports for name in port[:-1]]
         self._names = list(dict.fromkeys([*self.task.act, *self.task.randomize, *self._moved]))
         self._fixed = [row for row, name in enumerate(self._names) if name not in self._moved]
-        variables = settable_variables(model, {})
+        variables = model.variables
         values = {name: variable.starts[0] for name, variable in variables.items()} | dict(self.task.start_values)
         self._common = [name for name in self.task.start_values if name not in self._names]
         self._first, self._shared = (
             np.array([float_array(name, values[name]) for name in names]).reshape(-1, 1)
             for names in (self._names, self._common)
         )
-        (self._create_instances if model.contacts else self._compile_ensemble)(model)
+        (self._create_instances if model.model.contacts else self._compile_ensemble)(model)
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
 
@@ -72,11 +70,11 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         """Refuse copies, which would share what is in compiled code."""
         raise SimulationError(f"{self.title} is neither copied nor pickled; make another VectorEnvironment")
 
-    def _compile_ensemble(self, model: Model) -> None:
+    def _compile_ensemble(self, one: ContinuousModel) -> None:
         """Compile a step of all copies; what acts move, and the time of each copy, are states."""
-        task, moved = self.task, self._moved
+        task, moved, model = self.task, self._moved, one.model
         outputs = [variable.name for variable in model.outputs]
-        original = right_hand_side(model, {}, lanes=self._names, shared=self._common, record=outputs)
+        original = one.right_hand_side(lanes=self._names, shared=self._common, record=outputs)
         t, each, once, y = original.symbols
         lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
@@ -94,7 +92,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
 
         def advance(size: float) -> Floats:
-            blocks, fixed = lane_blocks(self._states), lane_blocks(self._values[self._fixed])
+            blocks, fixed = (lane_blocks(rows, LANES) for rows in (self._states, self._values[self._fixed]))
             step(0.0, size, 1, fixed, blocks)
             return rows_of_blocks(blocks, self.num_envs)
 
@@ -108,14 +106,14 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             balance = signals["energy"] - signals["work"] + signals["dissipated"]
         begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
         lasting = [row for row in range(conditions.numel()) if row not in begun]
-        gaps = [gap for name in moved for gap in domain_gaps(settable_variables(model, {})[name], lanes[name])]
+        gaps = [gap for name in moved for gap in one.domain_gaps(name, lanes[name])]
         last = ca.vertcat(conditions[lasting], *gaps)
         self._program = program(columns, [task.measures(signals | lanes), balance, last])
 
-    def _create_instances(self, model: Model) -> None:
+    def _create_instances(self, one: ContinuousModel) -> None:
         """Create an instance of the FMU's code for each copy; its outputs, and what acts move, serve as states."""
-        task, moved, outputs = self.task, self._moved, [variable.name for variable in model.outputs]
-        members, time = Members(model, self.num_envs), np.zeros(self.num_envs)
+        task, moved, outputs = self.task, self._moved, [variable.name for variable in one.model.outputs]
+        members, time = Members(one.model, self.num_envs), np.zeros(self.num_envs)
         inputs = [name for port in task.act_ports for name in port]
 
         def advance(size: float) -> Floats:

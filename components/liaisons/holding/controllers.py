@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
+from liaisons import Result, System, Verdict, verdict
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, shown
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
 from liaisons.base.logs import ignored_warnings, logger
 from liaisons.base.memory import check_memory
-from liaisons.check import Verdict, verdict
-from liaisons.cosim import DefaultExperiment, Result
+from liaisons.base.port_names import port_names
+from liaisons.cosim import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError, suggestion
+from liaisons.goals import Goal
 from liaisons.holding.observers import Observer, normal_verdict
-from liaisons.interface import System, with_table
+from liaisons.interface import with_table
 from liaisons.language import ParameterArray
-from liaisons.language.operator import TRIPLE
 from liaisons.library import fmu_file
-from liaisons.planning.goals import Array, Goal, by_name, motion_names
 from liaisons_catalogue import regulator
 
 After = Literal["rests", "repeats", "ends"]
@@ -50,17 +52,17 @@ _ROUNDING = 1e-10
 class ReferenceTrajectory:
     """The motion to be held, at its communication points; an equilibrium has one point."""
 
-    times: Array
-    motion: Array  # σ, σ̇, σ̈ (moves, 3, times)
-    states: Array  # that are read (states, times)
+    times: Floats
+    motion: Floats  # σ, σ̇, σ̈ (moves, 3, times)
+    states: Floats  # that are read (states, times)
     after: After
 
     @property
-    def states_and_motion(self) -> Iterator[tuple[Array, Array]]:
+    def states_and_motion(self) -> Iterator[tuple[Floats, Floats]]:
         """States (states,), and σ with its two rates (moves, 3), at each communication point in turn."""
         return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
 
-    def next_jump_times(self, jump_width: float) -> Array:
+    def next_jump_times(self, jump_width: float) -> Floats:
         """Instant of the next jump of σ or of its rates after each communication point [s]; 1e30 if there is none.
 
         :param jump_width: two points closer than this [s] whose motion differs are the two sides of a jump.
@@ -86,16 +88,16 @@ class Controller:
     ports: tuple[str, ...]  # inputs of the mechanism that are free
     states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, σ̇, σ̈
     trajectory: ReferenceTrajectory
-    gains: Array  # (times, moves, states); after the end the last ones
-    correction_limits: Mapping[str, Array]  # bounds of corrections by names of a Regulator: (moves, times)
-    loop: Array  # matrix of the closed loop, in the directions
-    directions: Array  # of deviations at the start (states, directions)
-    final_directions: Array  # the same at the end
-    reach: Array  # (directions, ·) basis of the controllable ones
+    gains: Floats  # (times, moves, states); after the end the last ones
+    correction_limits: Mapping[str, Floats]  # bounds of corrections by names of a Regulator: (moves, times)
+    loop: Floats  # matrix of the closed loop, in the directions
+    directions: Floats  # of deviations at the start (states, directions)
+    final_directions: Floats  # the same at the end
+    reach: Floats  # (directions, ·) basis of the controllable ones
     conserved: tuple[str, ...]  # states, or sums of them, that no input changes
     returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
-    cost: tuple[Array, Array, Array] | None  # B, Q and R at an equilibrium whose deviations are controllable
-    sizes: Array  # of the states, by which deviations are divided
+    cost: tuple[Floats, Floats, Floats] | None  # B, Q and R at an equilibrium whose deviations are controllable
+    sizes: Floats  # of the states, by which deviations are divided
     energy: float  # kinetic energy of a motion by these sizes in the time below [J]
     time: float  # in which states change by their sizes [s]
     starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
@@ -121,7 +123,7 @@ class Controller:
         reach = self.reach
         return self._multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 
-    def _multipliers(self, matrix: Array) -> NDArray[np.complex128]:
+    def _multipliers(self, matrix: Floats) -> NDArray[np.complex128]:
         """Eigenvalues of a matrix, greatest first; if the plan does not end where it begins, its singular values."""
         if not self.returns:
             return np.linalg.svd(matrix, compute_uv=False).astype(complex)
@@ -152,13 +154,13 @@ class Controller:
             }
             fmu, columns = self._regulator_fmu(i)
             settings |= columns
-            triple = motion_names(move)
+            triple = port_names(move)[:3]
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
                 settings[start] = starts.pop(triple[n]) - trajectory.motion[i, n, 0]
             if trajectory.after == "repeats":
                 settings["repeats"] = self.duration
             regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
-            sources |= {name: regulators[-1][y] for name, y in zip(triple, TRIPLE, strict=True)}
+            sources |= {name: regulators[-1][y] for name, y in zip(triple, port_names("y")[:3], strict=True)}
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
@@ -185,7 +187,7 @@ class Controller:
         """Default end of a simulation [s]: the end of the plan, or of the settling at an equilibrium."""
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
-    def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Array]]:
+    def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Floats]]:
         """FMU of the i-th regulator, and its table as parameters; none if the table is a file in the FMU."""
         trajectory, gains = self.trajectory, self.gains[:, i]
         columns = by_name(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i])
@@ -206,12 +208,12 @@ class Controller:
         return with_table(fmu, np.array(rows)), {}
 
     @property
-    def _change_in_round(self) -> Array:
+    def _change_in_round(self) -> Floats:
         """Changes of the states in a round of a plan that repeats itself: those of coordinates; 0 for other states."""
         gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
-    def times(self, stop_time: float) -> Array:
+    def times(self, stop_time: float) -> Floats:
         """Communication points until a stop time [s].
 
         :raises PlanError: unless it is a number greater than 0.
@@ -260,7 +262,7 @@ class Controller:
             )
         return self._simulate(self._connected_system(starts), times, ports or None)
 
-    def _simulate(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
+    def _simulate(self, system: System, times: Floats, inputs: Mapping[str, Any] | None = None) -> Result:
         """Simulate a system with the coupling that its regulators need."""
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
@@ -270,10 +272,10 @@ class Controller:
         """Names of the states as signals of :meth:`system`."""
         outputs: dict[str, str] = {}
         for move in self.moves:
-            outputs |= by_name(motion_names(move), (f"{self.name}_{move}.{output}" for output in TRIPLE))
+            outputs |= by_name(port_names(move)[:3], (f"{self.name}_{move}.{output}" for output in port_names("y")[:3]))
         return [outputs.get(name, f"{self.name}.{name}") for name in self.states]
 
-    def deviation(self, run: Result) -> Array:
+    def deviation(self, run: Result) -> Floats:
         """Deviations of the states of a run from the reference trajectory, (states, times)."""
         if not isinstance(run, Result):
             raise PlanError(f"{self.name}: deviation: run = {shown(run)}: give a result of simulate()")
@@ -337,7 +339,7 @@ class Controller:
             low, high = (middle, high) if returns(middle) else (low, middle)
         return low
 
-    def measured(self) -> Array:
+    def measured(self) -> Floats:
         """Matrix of the closed loop over one step or the whole trajectory, from central differences of runs of FMUs.
 
         With an observer, estimates follow the deviations in its rows and columns.  Corrections have no bounds there: at
@@ -418,7 +420,7 @@ class Controller:
             claims.append(normal_verdict(f"a step costs tr(S W) + tr(P Kᵀ(R + BᵀSB)K) = {expected:.4g}", error))
         return claims
 
-    def _expected_and_measured_costs(self, observer: Observer, runs: Sequence[Result]) -> tuple[float, Array]:
+    def _expected_and_measured_costs(self, observer: Observer, runs: Sequence[Result]) -> tuple[float, Floats]:
         """Mean cost of a step in the steady state by the closed formula, and mean cost of a step in each run.
 
         Runs begin off the steady state, which adds the future cost of their last deviation less that of the first.

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from liaisons.planning.goals import Array
+from liaisons.base.arrays import Floats
 
-Step = tuple[Array, Array]
+Step = tuple[Floats, Floats]
 """A and B of x' = A x + B u, from one communication point to the next."""
 
 RANK = 1e-8
@@ -22,10 +22,10 @@ _MOST_STEPS = 20000
 """Limit of the steps that the periodic recursion takes until its gains are constant."""
 
 
-def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
+def reachable_subspace(A: Floats, B: Floats) -> tuple[Floats, Floats]:
     """Orthonormal bases of the controllable subspace of x' = A x + B u and of its complement (staircase algorithm)."""
     n, new = len(A), B
-    V: Array = np.zeros((n, 0))
+    V: Floats = np.zeros((n, 0))
     while new.size and V.shape[1] < n:
         for _ in range(2):  # once more, against rounding
             new = new - V @ (V.T @ new)
@@ -37,7 +37,7 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
-def image_basis(projection: Array) -> Array:
+def image_basis(projection: Floats) -> Floats:
     """Orthonormal basis of the image of a projection.
 
     Its singular values are 0, or at least 1.
@@ -46,12 +46,12 @@ def image_basis(projection: Array) -> Array:
     return vectors[:, sizes > 0.5]
 
 
-def spectral_radius(matrix: Array) -> float:
+def spectral_radius(matrix: Floats) -> float:
     """Greatest absolute value of the eigenvalues; 0 for an empty matrix."""
     return float(np.max(np.abs(np.linalg.eigvals(matrix)), initial=0.0))
 
 
-def named_sum(names: Sequence[str], coefficients: Array, sizes: Array) -> str:
+def named_sum(names: Sequence[str], coefficients: Floats, sizes: Floats) -> str:
     """Text of a linear combination of names, "theta - 0.5 p_theta": coefficients/sizes, the first made 1."""
     vector = coefficients / sizes
     large = np.abs(coefficients) > 1e-3 * np.max(np.abs(coefficients))  # the rest is of order H
@@ -61,7 +61,7 @@ def named_sum(names: Sequence[str], coefficients: Array, sizes: Array) -> str:
     return text.removeprefix("+ ").removeprefix("1 ")
 
 
-def rest_offsets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
+def rest_offsets(A: Floats, C: Floats, V: Floats, U: Floats) -> tuple[Floats, Floats]:
     """Controllable parts of x at rest, x = A x and C x = 0, for unit uncontrollable parts; and residual norms.
 
     :param V: basis of the controllable subspace; ``U``: of its complement.
@@ -73,22 +73,24 @@ def rest_offsets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     return solution, np.linalg.norm(left @ solution - right, axis=0)
 
 
-def discrete_lqr_gains(A: Array, B: Array, Q: Array, R: Array) -> Array:
+def discrete_lqr_gains(A: Floats, B: Floats, Q: Floats, R: Floats) -> Floats:
     """Gains K of u = -K x that minimise Σ xᵀQx + uᵀRu over all steps x' = A x + B u."""
     return _gains(A, B, solve_discrete_are(A, B, Q, R), R)
 
 
-def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
+def _gains(A: Floats, B: Floats, P: Floats, R: Floats) -> Floats:
     """Gains K of u = -K x that minimise uᵀRu + x'ᵀPx' over one step x' = A x + B u."""
     return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
 
 
-def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
+def riccati_recursion(
+    steps: Sequence[Step], costs: Sequence[Floats], R: Floats, P: Floats
+) -> tuple[list[Floats], Floats]:
     """Gains of each step, and the matrix P of the least cost xᵀPx of an initial deviation, by backward recursion.
 
     :param costs: matrices Q of the cost of deviations before each step; ``P``: of that at the end.
     """
-    gains: list[Array] = []
+    gains: list[Floats] = []
     for (A, B), Q in zip(reversed(steps), reversed(costs), strict=True):
         K = _gains(A, B, P, R)
         closed = A - B @ K
@@ -98,7 +100,7 @@ def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P
     return gains[::-1], P
 
 
-def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[list[Array], Array] | None:
+def periodic_riccati(steps: Sequence[Step], costs: Sequence[Floats], R: Floats) -> tuple[list[Floats], Floats] | None:
     """Gains of steps that are repeated endlessly, and the cost matrix P; None if they do not converge.
 
     Uncontrollable deviations may persist: their cost grows, and does not act on the gains.
@@ -113,13 +115,13 @@ def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) ->
     return None
 
 
-def transition_matrix(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
+def transition_matrix(steps: Sequence[Step], gains: Sequence[Floats] | None = None) -> Floats:
     """Product of the matrices A of all steps; with gains of A - B K, the closed loop."""
     matrices = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
     return reduce(lambda before, A: A @ before, matrices)
 
 
-def distributed_correction(matrices: Sequence[Array], end: Array) -> Array:
+def distributed_correction(matrices: Sequence[Floats], end: Floats) -> Floats:
     """Corrections of all states of a linear motion, (states, steps + 1), from 0 to that of its end.
 
     They follow x' = A x up to additions in each step, whose sum of squares is least.
@@ -134,9 +136,9 @@ def distributed_correction(matrices: Sequence[Array], end: Array) -> Array:
     return np.transpose(columns)
 
 
-def controllability_matrix(steps: Sequence[Step]) -> Array:
+def controllability_matrix(steps: Sequence[Step]) -> Floats:
     """Derivatives of the last state by the inputs of all steps, (states, inputs · steps)."""
-    columns: Array = np.zeros((len(steps[0][0]), 0))
+    columns: Floats = np.zeros((len(steps[0][0]), 0))
     for A, B in steps:
         columns = np.hstack([A @ columns, B])
     return columns

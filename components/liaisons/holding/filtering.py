@@ -17,10 +17,11 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
 from liaisons.errors import PlanError
 from liaisons.holding.feedback import RANK, image_basis, named_sum, reachable_subspace, spectral_radius
 from liaisons.holding.sampling import SampledMechanism
-from liaisons.planning.goals import Array, by_name
 
 _PARTS_OF_RADIAN = 8
 """Runge-Kutta steps in a radian of the free motion: of order four, each leaves (1/8)^5/120 = 2.5e-7."""
@@ -130,13 +131,13 @@ class EstimationModel:
         constant = ca.SX(len(self.drift) - rates.numel(), 1)
         return ca.vertcat(rates, constant) / self.sizes, projected, readings / self.noise
 
-    def start_matrices(self) -> tuple[Array, Array, Array]:
+    def start_matrices(self) -> tuple[Floats, Floats, Floats]:
         """Matrices F, Q and C at the start: a period is x' = F x + w, Q the covariance of w, C x what is measured."""
         x, sigma = self.start, self.sampled.sigma
         _, F, Q = self.predict(x, sigma, sigma)
         return np.array(F), np.array(Q), np.array(self.measure(x, sigma)[1])
 
-    def filter_step(self, steady_covariance: Array | None) -> ca.Function:
+    def filter_step(self, steady_covariance: Floats | None) -> ca.Function:
         """Function (is_first, x, P, begin, end, y) -> x and P after the measurement y, and its innovations.
 
         P is the lower triangle of the covariance, column by column.
@@ -159,11 +160,11 @@ class EstimationModel:
         arguments = [is_first, x, triangle, begin, end, y]
         return ca.Function("step", arguments, [x_1, after, innovations], {"cse": True})
 
-    def tangents(self, x: Array, sigma: Array) -> Array:
+    def tangents(self, x: Floats, sigma: Floats) -> Floats:
         """Orthonormal columns that span the deviations of x which constraints and unit quaternions allow."""
         return image_basis(np.array(self.project(x, sigma)[1]))
 
-    def start_covariance(self) -> Array:
+    def start_covariance(self) -> Floats:
         """Covariance of x at the start of a plan."""
         sampled = self.sampled
         deviations = dict.fromkeys(self.states, 1.0) | dict.fromkeys(sampled.names, _START_PART)
@@ -175,7 +176,7 @@ class EstimationModel:
         root = projection * [*deviations.values()]
         return root @ root.T
 
-    def steady_covariance(self) -> Array:
+    def steady_covariance(self) -> Floats:
         """Covariance of x before each measurement of the steady filter at an equilibrium.
 
         :raises PlanError: if a state is not observable, or its estimate would not be corrected in the long run.
@@ -215,7 +216,7 @@ class EstimationModel:
         words = f"{values} every {self.period:g} s: Riccati's equation has no solution in 16 digits"
         return PlanError(f"{self.sampled.name}: {words}; give standard deviations that are less far apart")
 
-    def refuse_unobservable(self, matrix: Array, directions: Array) -> None:
+    def refuse_unobservable(self, matrix: Floats, directions: Floats) -> None:
         """Raise an error if a matrix maps some of the directions to 0; it names them.
 
         :param matrix: from x to all that is measured.

@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 
 from liaisons.base.arguments import check_finite, check_positive, merged_start_values, name_dictionary, shown
-from liaisons.cosim.structure.sources import time_rounding
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
+from liaisons.base.clocks import time_rounding
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError
 from liaisons.holding.controllers import After, Controller, ReferenceTrajectory
 from liaisons.holding.feedback import (
     RANK,
-    Array,
     Step,
     controllability_matrix,
     discrete_lqr_gains,
@@ -41,8 +43,7 @@ from liaisons.holding.sampling import SampledMechanism, in_directions
 from liaisons.holding.subjects import planned_motion, sampled_subject
 from liaisons.language import Orientation
 from liaisons.library import Target
-from liaisons.planning.goals import by_name, motion_names
-from liaisons.planning.plans import JUMP_LEAD, Plan
+from liaisons.planning import Plan
 
 _BOUND_NAMES = ("least", "most", "slowest", "fastest", "lowest", "highest")
 """Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
@@ -154,14 +155,14 @@ def hold(
     return replace(controller, observer=observer)
 
 
-def _perturbed_radius(matrix: Array) -> float:
+def _perturbed_radius(matrix: Floats) -> float:
     """Greatest spectral radius of the matrix and of four perturbations as large as the integration error."""
     random, size = np.random.default_rng(0), _INTEGRATION_ERROR * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
     return max(map(spectral_radius, near))
 
 
-def _state_weights(sampled: SampledMechanism, weights: Mapping[str, float]) -> Array:
+def _state_weights(sampled: SampledMechanism, weights: Mapping[str, float]) -> Floats:
     """Weights of the squares of all deviations, in the order of the states: those given, others as declared."""
     by_state = {name: float(name in sampled.free) for name in sampled.states}
     drifting = (move for move in sampled.moves if move not in sampled.held_moves)
@@ -180,7 +181,7 @@ def _state_weights(sampled: SampledMechanism, weights: Mapping[str, float]) -> A
 
 
 def _hold_at_rest(
-    sampled: SampledMechanism, step_size: float, weights: Array, effort: float, *, bounds: Mapping[str, Any]
+    sampled: SampledMechanism, step_size: float, weights: Floats, effort: float, *, bounds: Mapping[str, Any]
 ) -> Controller:
     """The controller of least cost at an equilibrium.
 
@@ -241,7 +242,7 @@ def _hold_along(
     motion: Plan,
     sampled: SampledMechanism,
     step_size: float,
-    weights: Array,
+    weights: Floats,
     effort: float,
     *,
     bounds: Mapping[str, Any],
@@ -311,7 +312,7 @@ def _reference_trajectory(
     if T / step_size > _MOST_STEPS:
         words = f"more than {_MOST_STEPS} steps; give a longer one"
         raise PlanError(f"{sampled.name}: step_size = {step_size:g} over {T:g} s: {words}")
-    instant = max(JUMP_LEAD * T, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
+    instant = max(motion.jump_lead, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
     parts = []
     for begin, end in pairwise([0.0, *motion.switches, T]):
         count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
@@ -321,7 +322,7 @@ def _reference_trajectory(
     reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
-    may_jump = {name for m in moves for name in motion_names(m)[order:]}
+    may_jump = {name for m in moves for name in port_names(m)[order:]}
     open_states = {sampled.states[i] for i in np.flatnonzero(gap > _CLOSURE * extents).tolist()}
     open_states -= {*sampled.cyclic_coordinates, *may_jump}
     at_rest = planned[:, :, -1].copy()
@@ -347,8 +348,8 @@ def _reference_trajectory(
 
 
 def _corrected_steps(
-    motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, step_size: float
-) -> tuple[Array, list[Step]]:
+    motion: Plan, sampled: SampledMechanism, times: Floats, planned: Floats, step_size: float
+) -> tuple[Floats, list[Step]]:
     """States and linearised steps along the plan; the states are corrected to end at its end.
 
     Without the feedback integration errors may grow on the way.
@@ -379,8 +380,8 @@ def _controller(
     step_size: float,
     trajectory: ReferenceTrajectory,
     *,
-    gains: Sequence[Array],
-    directions: Sequence[Array],
+    gains: Sequence[Floats],
+    directions: Sequence[Floats],
     bounds: Mapping[str, Any],
     **prediction: Any,
 ) -> Controller:
@@ -391,7 +392,7 @@ def _controller(
     symbols = sampled.symbols
     starts = sampled.start_values
     for i, m in enumerate(sampled.moves):
-        starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
+        starts |= by_name(port_names(m)[:3], map(float, trajectory.motion[i, :, 0]))
     return Controller(
         name=sampled.name,
         goal=symbols.goal,
@@ -420,7 +421,7 @@ def _controller(
 
 
 def _perturbations(
-    sampled: SampledMechanism, trajectory: ReferenceTrajectory, directions: Array, starts: Mapping[str, float]
+    sampled: SampledMechanism, trajectory: ReferenceTrajectory, directions: Floats, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Differences of start values that change the states along each direction of deviation."""
     parameters = sampled.symbols.start_parameters
@@ -434,7 +435,7 @@ def _perturbations(
 
 def _correction_limits(
     sampled: SampledMechanism, trajectory: ReferenceTrajectory, bounds: Mapping[str, Any]
-) -> dict[str, Array]:
+) -> dict[str, Floats]:
     """Limits of the corrections of σ, σ̇ and σ̈ by parameters of a Regulator, each (moves, knots).
 
     :raises PlanError: if a force is bounded where the effective mass vanishes.
@@ -445,7 +446,7 @@ def _correction_limits(
     forces, masses = along[:, :, 0], along[:, :, 1:]
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
     allowed |= bounds
-    ends = np.array([[_finite_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
+    ends = np.array([[_finite_ends(allowed[name]) for name in port_names(m)[:3]] for m in sampled.moves])
     low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
     high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
     for j, m in enumerate(sampled.moves):
@@ -486,11 +487,11 @@ def _finite_ends(bounds: Sequence[float | None]) -> tuple[float, float]:
 
 def _bounded_quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
     """Index of the moved coordinate, and order of the rate, of all that regulators bound by name; 3 for a force."""
-    names = [(*motion_names(m), f"{m}_force") for m in sampled.moves]
+    names = [(*port_names(m)[:3], f"{m}_force") for m in sampled.moves]
     return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
 
 
-def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: Array | None = None) -> None:
+def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: Floats | None = None) -> None:
     """Raise an error for bounds that regulators cannot keep.
 
     :param point: σ and its rates at an equilibrium (moves, 3), which have to lie inside.
@@ -514,18 +515,18 @@ def _constant_directions(steps: Sequence[Step]) -> list[int]:
     return [i for i, row in rows if all(np.allclose(A[i], row) and not B[i].any() for A, B in steps)]
 
 
-def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
+def _states_along(sampled: SampledMechanism, directions: Floats, chosen: Sequence[int]) -> tuple[str, ...]:
     """Names of the states that change along the chosen directions."""
     changed = np.flatnonzero(directions[:, list(chosen)].any(axis=1))
     return tuple(sampled.states[i] for i in changed.tolist())
 
 
-def _sum_of_states(sampled: SampledMechanism, directions: Array, form: Array) -> str:
+def _sum_of_states(sampled: SampledMechanism, directions: Floats, form: Floats) -> str:
     """Text of a linear form on the directions, as a sum of states."""
     return named_sum(sampled.states, np.linalg.pinv(directions).T @ form, sampled.sizes)
 
 
-def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
+def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Floats, U: Floats, A: Floats) -> None:
     """Raise an error if an uncontrollable deviation grows.
 
     :param U: basis of the uncontrollable directions; ``A``: matrix of a step or a round.
@@ -537,7 +538,7 @@ def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U:
         raise _uncontrollable_error(sampled, directions, U @ worst)
 
 
-def _uncontrollable_error(sampled: SampledMechanism, directions: Array, form: Array) -> PlanError:
+def _uncontrollable_error(sampled: SampledMechanism, directions: Floats, form: Floats) -> PlanError:
     """Error that names an uncontrollable sum of states, a linear form on the directions."""
     text = _sum_of_states(sampled, directions, form)
     moves = ", ".join(sampled.moves)

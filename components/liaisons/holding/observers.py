@@ -14,19 +14,19 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
+from liaisons import Result, System, Verdict, build, operator, verdict
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list, shown
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
 from liaisons.base.folders import process_folder
 from liaisons.base.logs import ignored_warnings
-from liaisons.check import Verdict, verdict
-from liaisons.cosim import DefaultExperiment, Result
+from liaisons.cosim import DefaultExperiment
 from liaisons.errors import PlanError
 from liaisons.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons.holding.subjects import planned_motion, sampled_subject
-from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import Target, build
-from liaisons.planning.goals import Array, by_name, values_by_element
-from liaisons.planning.plans import Plan
+from liaisons.library import Target
+from liaisons.planning import Plan
 
 _RUNS = 200
 _RADIANS = 4
@@ -90,7 +90,9 @@ def observe(
         scalars: dict[str, float] = {}
         for name, value in name_dictionary(f"observe: {label}", {} if values is None else values, PlanError).items():
             check_positive(f"{sampled.name}: {label} of {name}", value, PlanError)
-            scalars |= values_by_element(label, dict.fromkeys(quaternions.get(name, [name]), value), names)
+            scalars |= sampled.symbols.values_by_element(
+                label, dict.fromkeys(quaternions.get(name, [name]), value), names
+            )
         return scalars
 
     chosen = deviations_by_scalar("measured", dict.fromkeys(name_list("measured", measured, PlanError), 1))
@@ -132,7 +134,7 @@ class Observer:
     """A Kalman filter of a mechanism, from :func:`liaisons.observe`."""
 
     model: EstimationModel
-    covariance: Array  # before the first measurement, of a steady filter before each; divided by sizes
+    covariance: Floats  # before the first measurement, of a steady filter before each; divided by sizes
     motion: Plan | None  # None: the filter is steady, at an equilibrium
 
     @property
@@ -151,7 +153,7 @@ class Observer:
         return by_name(self.model.states, map(identifier, self.model.states))
 
     @cached_property
-    def corrected(self) -> tuple[Array, Array]:
+    def corrected(self) -> tuple[Floats, Floats]:
         """Covariance of the errors after the first measurement, and its gain, both divided by sizes.
 
         In a steady filter they are the same at each measurement.
@@ -161,7 +163,7 @@ class Observer:
         return np.array(after), np.array(gain)
 
     @property
-    def gain(self) -> Array:
+    def gain(self) -> Floats:
         """Gain (states, measured) at the first measurement; in a steady filter at each."""
         return self.corrected[1] * self.model.sizes[:, None] / self.model.noise
 
@@ -172,7 +174,7 @@ class Observer:
         return by_name(self.model.states, map(float, self.model.sizes * np.sqrt(variances)))
 
     @cached_property
-    def directions(self) -> Array:
+    def directions(self) -> Floats:
         """Columns that span the changes of the estimates at the start, divided by sizes; under constraints tangents."""
         return self.model.tangents(self.model.start, self.model.sampled.sigma)
 
@@ -283,7 +285,7 @@ class Observer:
         """
         return self.consistency(self.random_runs(self.system()))
 
-    def random_runs(self, system: System) -> list[tuple[Result, Array]]:
+    def random_runs(self, system: System) -> list[tuple[Result, Floats]]:
         """Simulate 200 runs of a system with the observer, from a fixed seed.
 
         :returns: each run with the true values of what is estimated, but at the last instant, which has no noise.
@@ -321,7 +323,7 @@ class Observer:
                 runs.append((result, np.vstack([*states, drifts.T])))
         return runs
 
-    def consistency(self, runs: list[tuple[Result, Array]]) -> list[Verdict]:
+    def consistency(self, runs: list[tuple[Result, Floats]]) -> list[Verdict]:
         """Verdicts on the innovations of runs, and on the errors at their last sample.
 
         :param runs: as of :meth:`random_runs`.

@@ -18,13 +18,14 @@ import numpy as np
 from scipy.linalg import expm
 
 from liaisons.algebra import closure, stack
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
 from liaisons.base.hermite import coefficient_matrix
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
+from liaisons.goals import Goal, GoalSymbols, goal_symbols, runge_kutta
 from liaisons.holding.feedback import Step, image_basis, spectral_radius
 from liaisons.language import Orientation
-from liaisons.planning.goals import Array, Goal, by_name, motion_names
-from liaisons.planning.symbols import GoalSymbols, goal_symbols
-from liaisons.planning.transcription import runge_kutta
 from liaisons_catalogue.regulator import READINGS
 
 _DERIVATIVE = ca.DM(np.diag(np.arange(1, 6), 1))
@@ -78,7 +79,7 @@ class SampledMechanism:
         self.internal_states = [name for name in self.names if name in internal]
         coordinates = (name for name in self.names if name in starts and not name.endswith(Orientation.momenta))
         self.free = (*(name for name in coordinates if name not in internal), *self.held_moves)
-        _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
+        _, *derivatives = zip(*(port_names(move)[:3] for move in self.moves), strict=True)
         self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
         if len(self.states) > READINGS:
             raise PlanError(
@@ -104,7 +105,7 @@ class SampledMechanism:
         return 1 / self.frequency if self.has_free_motion else self._default_time
 
     @cached_property
-    def sizes(self) -> Array:
+    def sizes(self) -> Floats:
         """Typical magnitudes of the states, by which they are divided in weights, comparisons and tolerances.
 
         Coordinates of one unit have one size, at which all units have the same kinetic energy: 1 for angles, for
@@ -122,7 +123,7 @@ class SampledMechanism:
         return self._magnitudes[2]
 
     @property
-    def input_sizes(self) -> Array:
+    def input_sizes(self) -> Floats:
         """Sizes of the inputs w, the accelerations of σ."""
         return self.sizes[-len(self.moves) :]
 
@@ -147,7 +148,7 @@ class SampledMechanism:
         resting = symbols.inputs | dict.fromkeys(self.motion_names, 0.0) | sigma
         still = symbols.parameters | {starts[name]: 0.0 for name in rates if name in starts}
 
-        def inertia_and_states(rate: str) -> tuple[float, Array]:
+        def inertia_and_states(rate: str) -> tuple[float, Floats]:
             """Twice the kinetic energy, and the states, where this rate is 1 and all others are 0."""
             values = {**resting, **still, starts.get(rate, rate): 1.0}
             columns = [[values[name] for name in names] for names in (resting, still)]
@@ -206,7 +207,7 @@ class SampledMechanism:
         columns = ca.horzcat(rates, *(ca.jacobian(rates, symbol) for symbol in arguments))
         return ca.Function("slopes", arguments, [ca.densify(columns)], {"cse": True})
 
-    def rates(self, y: Array, sigma: Array) -> Array:
+    def rates(self, y: Floats, sigma: Floats) -> Floats:
         """Rates of the mechanism's states y.
 
         :param sigma: σ and its two rates, (moves, 3).
@@ -214,8 +215,8 @@ class SampledMechanism:
         return np.array(self._rates_and_slopes(y, *sigma.T))[:, 0]
 
     def steps(
-        self, times: Array, planned: Array, period: float, start: Array | None = None
-    ) -> tuple[Array, list[Step]]:
+        self, times: Floats, planned: Floats, period: float, start: Floats | None = None
+    ) -> tuple[Floats, list[Step]]:
         """States at communication points, integrated, and the linearised steps between them.
 
         :param times: communication points (N + 1).
@@ -252,7 +253,7 @@ class SampledMechanism:
         clock = ca.horzcat(1, ca.MX(1, n + 6 * c))
         return runge_kutta(z, p, ca.vertcat(step_size * ca.horzcat(slopes[:, 0], change), clock))
 
-    def _linearized_step(self, y: Array, planned: Array, step_size: float, period: float) -> tuple[Array, Step]:
+    def _linearized_step(self, y: Floats, planned: Floats, step_size: float, period: float) -> tuple[Floats, Step]:
         """The mechanism's states at the end of a step, and its matrices A and B."""
         n, c = len(self.names), len(self.moves)
         ends = self._reconstruction_matrix(step_size)
@@ -273,7 +274,7 @@ class SampledMechanism:
         sizes, rows = self.sizes[:, None], self.rows
         return y.ravel(), (A[np.ix_(rows, rows)] * self.sizes / sizes, B[rows] * self.input_sizes / sizes)
 
-    def _reconstruction_matrix(self, step_size: float) -> Array:
+    def _reconstruction_matrix(self, step_size: float) -> Floats:
         """Matrix (6, 6) from σ and its two rates at both ends of a step to coefficients of σ, by the fraction of it."""
         scale = np.array([1.0, step_size, step_size**2])
         if self.interpolate:
@@ -325,14 +326,14 @@ class SampledMechanism:
     @property
     def motion_names(self) -> list[str]:
         """Names of σ, σ̇ and σ̈ of each moved coordinate."""
-        return [name for move in self.moves for name in motion_names(move)]
+        return [name for move in self.moves for name in port_names(move)[:3]]
 
     @property
     def free_inputs(self) -> list[str]:
         """Names of the inputs that are no σ: forces."""
         return [name for name in self.symbols.inputs if name not in self.symbols.motion_symbols]
 
-    def directions(self, reference: Array, sigma: Array) -> Array:
+    def directions(self, reference: Floats, sigma: Floats) -> Floats:
         """Columns that span the deviations of the states, divided by sizes.
 
         Deviations of quaternions are rotations; under constraints they are tangential.
@@ -357,7 +358,7 @@ class SampledMechanism:
             D = np.delete(D, i, axis=1)
         return D
 
-    def _tangents(self, y: Array, sigma: Array) -> Array:
+    def _tangents(self, y: Floats, sigma: Floats) -> Floats:
         """Columns that span the deviations tangential to the constraints, divided by sizes."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
@@ -384,13 +385,13 @@ class SampledMechanism:
         columns = ca.horzcat(projected, *(ca.jacobian(projected, x) for x in causes))
         return ca.Function("projection", symbols.arguments, [ca.densify(columns)])
 
-    def full_state(self, y: Array) -> Array:
+    def full_state(self, y: Floats) -> Floats:
         """All states of the mechanism: y, and the others as at the start."""
         states = self.start.copy()
         states[self.state_indices] = y
         return states
 
-    def rate_changes(self, reference: Array, sigma: Array, directions: Array) -> dict[str, Array]:
+    def rate_changes(self, reference: Floats, sigma: Floats, directions: Floats) -> dict[str, Floats]:
         """Derivatives along directions of the rates that have start values, by name.
 
         :param reference: the states (states,), about which deviations are; ``sigma``: σ and its two rates, (moves, 3).
@@ -432,7 +433,7 @@ def _correction_step_matrices(step_size: float, period: float, count: int) -> St
     return step[:, : 3 * count], step[:, 3 * count :]
 
 
-def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
+def in_directions(steps: Sequence[Step], directions: Sequence[Floats]) -> list[Step]:
     """The steps in coordinates of the directions at both ends of each."""
     transformed: list[Step] = []
     for (A, B), (before, after) in zip(steps, pairwise(directions), strict=True):

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, shown
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError
+from liaisons.goals import Goal, duration_range, goal_symbols
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.library import Target, component
-from liaisons.planning.goals import Array, Goal, by_name, duration_range, is_expression, motion_names, move_names
-from liaisons.planning.plans import Plan
-from liaisons.planning.symbols import ROUNDING, goal_symbols
+from liaisons.planning import Plan
 
 # Numbers of the synthesis; times are in radians of the fastest free motion.
 _FEWEST_STEPS = 40
@@ -68,7 +70,7 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
         if not np.all(np.isfinite(float_array(f"at: {name}", value, PlanError))):
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
     period = step_size or component(motion).experiment.step_size
-    goal = Goal(motion, move_names(motion, moves), (period, period), values, at)
+    goal = Goal.checked(motion, moves=moves, duration=period, values=values, start=at)
     sampled = SampledMechanism(goal, at, interpolate=False, time=period, longest=_STEPS_PER_TIME * period)
     if step_size is None and sampled.has_free_motion:
         period = _round_down(sampled.time / _STEPS_PER_RADIAN)
@@ -93,10 +95,10 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
     symbols = goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
-    start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
+    start |= {name: float(first[name]) for m in goal.moves for name in port_names(m)[:2]}
     # The residual that IPOPT leaves where a start is 0 must not become a size.
-    start = {name: x if abs(x) > ROUNDING * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
-    groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
+    start = {name: x if abs(x) > symbols.rounding * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
+    groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not goal.is_expression(group)]
     required = {name for group in groups for name in group}
     trajectory, states = motion.solution.trajectory, motion.problem.states
     extents = by_name(states, np.abs(trajectory.knots).max(axis=1))
@@ -111,7 +113,7 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
     )
 
 
-def planned_motion(motion: Plan, times: ArrayLike) -> Array:
+def planned_motion(motion: Plan, times: ArrayLike) -> Floats:
     """σ and its two rates at times of a plan [s], (moves, 3, times)."""
     sigma = motion.sigma(times)
-    return np.array([[sigma[name] for name in motion_names(m)] for m in motion.goal.moves])
+    return np.array([[sigma[name] for name in port_names(m)[:3]] for m in motion.goal.moves])

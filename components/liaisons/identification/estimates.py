@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
-from liaisons.derivatives.contact_motion import Branch
+from liaisons.derivatives import Branch
 from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace, indeterminacy_sentences
 from liaisons.identification.minimising import Minimum, loss_derivatives, minimise

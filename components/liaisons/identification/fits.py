@@ -7,15 +7,15 @@ from typing import NoReturn, final
 
 import numpy as np
 
+from liaisons import Result, Verdict
 from liaisons.base.arguments import shown
-from liaisons.check import Verdict, table
+from liaisons.check import table
 from liaisons.errors import IdentificationError
 from liaisons.identification import diagrams
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats
 from liaisons.identification.verifying import replays, verdicts
-from liaisons.results import Result
 
 
 @final

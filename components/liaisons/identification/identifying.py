@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons import interface
+from liaisons import System
 from liaisons.base.arguments import (
     as_path,
     check_choice,
@@ -26,8 +26,6 @@ from liaisons.base.arguments import (
 )
 from liaisons.base.array_names import array_and_index
 from liaisons.base.files import file_beside, read_toml_arguments
-from liaisons.cosim import System
-from liaisons.ensembles.right_hand_sides import continuous_model, operator_models, settable_variables
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
@@ -37,6 +35,7 @@ from liaisons.identification.searching import parameter_estimate
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.mechanics import Model
+from liaisons.right_hand_sides import continuous_model
 
 Range = tuple[float | None, float | None]
 Instants = Mapping[str, tuple[ArrayLike, float]]
@@ -117,9 +116,10 @@ def identify(
         check_finite("start_time", start_time, IdentificationError)
     if segments is not None:
         check_integer("segments", segments, IdentificationError)
-    model = continuous_model(
+    continuous = continuous_model(
         subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, allow_contacts=True
     )
+    model = continuous.model
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
     )
@@ -132,7 +132,7 @@ def identify(
             raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
         if first < begin:
             raise IdentificationError(f"{experiment.title}: time begins at {first:g} s, before start_time = {begin:g}")
-    variables = settable_variables(model, operator_models(model, operators, IdentificationError))
+    variables = continuous.moved_by(operators, IdentificationError).variables
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, name_list("each", each, IdentificationError))
     starts = unknowns.numbers_by_element("start_values", values)
@@ -193,7 +193,7 @@ def identify_from_file(path: Path | str) -> Fit:
     arguments = read_toml_arguments(path, keys, _EXAMPLES, IdentificationError)
     subject = file_beside(path, str(arguments.pop("subject")))
     data = [file_beside(path, name) for name in name_list(f"{path}: data", arguments.pop("data"), IdentificationError)]
-    return identify(interface.System.from_ssp(subject) if subject.endswith(".ssp") else subject, data, **arguments)
+    return identify(System.from_ssp(subject) if subject.endswith(".ssp") else subject, data, **arguments)
 
 
 class _Unknowns:

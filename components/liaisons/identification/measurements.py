@@ -13,6 +13,7 @@ from typing import Any, final
 import numpy as np
 from scipy.interpolate import PPoly, make_lsq_spline
 
+from liaisons import Result
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import knots, piecewise_polynomial
@@ -20,8 +21,7 @@ from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table
 from liaisons.errors import IdentificationError, LiaisonsError, suggestion
 from liaisons.identification.determinacy import Floats
-from liaisons.mechanics.model import Model
-from liaisons.results import Result
+from liaisons.mechanics import Model
 
 
 @final

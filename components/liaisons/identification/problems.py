@@ -11,8 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.array_names import array_and_index
-from liaisons.derivatives.contact_motion import Branch, ContactMotion
-from liaisons.derivatives.subjects import Motion, motion_of
+from liaisons.derivatives import Branch, Motion, motion_of
 from liaisons.errors import SimulationError
 from liaisons.identification.determinacy import Floats, NullSpace
 from liaisons.identification.measurements import Measurements
@@ -52,7 +51,7 @@ class MeasuredMotion:
         delay = 0.0 if self.offset is None else float(unknowns[self.offset])
         if self.offset is not None:
             motion = motion.at(_simulated_times(data, motion.start_time) + delay)
-        branch = motion.branch(values) if isinstance(motion, ContactMotion) else Branch(*motion.forward(values))
+        branch = motion.branch(values)
         derivatives = np.zeros((*branch.derivatives.shape[:2], len(unknowns)))
         derivatives[..., own] = branch.derivatives
         unit = np.eye(len(unknowns))
@@ -259,7 +258,7 @@ class FittingProblem:
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
             states = self._smoothed_start_values(data, edges, signals)
             most = edges[1] // 2
-            for i, edge in list(enumerate(edges))[1:-1] if isinstance(whole.motion, ContactMotion) else ():
+            for i, edge in list(enumerate(edges))[1:-1] if whole.motion.has_contacts else ():
                 edges[i], states[:, i] = self._nearest_possible_start(whole, unknowns, edge, most, signals)
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):

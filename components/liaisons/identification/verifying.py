@@ -9,16 +9,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2, norm, t
 
+from liaisons import Result, System, Verdict, build, operator, simulate, verdict
 from liaisons.base.folders import process_folder
-from liaisons.check import Verdict, verdict
-from liaisons.cosim import System, SystemDocument
-from liaisons.derivatives.fmus import input_functions
+from liaisons.cosim import SystemDocument
+from liaisons.derivatives import input_functions
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, MeasuredMotion
-from liaisons.interface import operator, simulate
-from liaisons.library import build, fmu_file
+from liaisons.library import fmu_file
 from liaisons.mechanics import Model
-from liaisons.results import Result
 
 _FALSE_ALARM = 1e-3
 """Probability that the residual tests of a right fit fail, all together."""

@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from liaisons.language.checks import Formulas, call, declarations_of, reject_clashes, shapes_of
+from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of, reject_clashes, shapes_of
 from liaisons.language.component import Component, DeclarationsOf, SignalComponent, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -118,6 +118,7 @@ __all__ = [
     "assertion",
     "calculated",
     "call",
+    "checked_scalar",
     "circle",
     "constraint",
     "declarations_of",

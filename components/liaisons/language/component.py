@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Generic, TypeVar, final
 import casadi as ca
 
 from liaisons.algebra import stack
-from liaisons.errors import ComponentError, suggestion
+from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.language.checks import (
     declarations_of,
     reject_clashes,
@@ -75,6 +75,16 @@ class Component(ABC):
     def is_sampled(cls) -> bool:
         """Whether inputs are read at samples only."""
         return False
+
+    @classmethod
+    @final
+    def refuse_samples(cls, task: str, remedy: str, error: type[LiaisonsError] = ComponentError) -> None:
+        """Raise an error if the component is sampled: its equations hold between samples only.
+
+        :param task: what takes none, as ``"an ensemble"``.
+        """
+        if cls.is_sampled():
+            raise error(f"{cls.__name__}: {task} takes no samples of inputs; {remedy}")
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

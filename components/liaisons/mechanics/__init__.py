@@ -10,7 +10,8 @@ from liaisons.mechanics.energy_accounting import BOOKED, MEMORY, memory_names, w
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.functions import CONTACT_NUMBERS, SIGNATURES, model_functions, results_of
-from liaisons.mechanics.inertia import Inertia
+from liaisons.mechanics.inertia import Inertia, inertia_of
+from liaisons.mechanics.legendre import rates_from_momenta
 from liaisons.mechanics.model import (
     Code,
     Contact,
@@ -61,10 +62,12 @@ __all__ = [
     "dissipation_equation",
     "further_equations",
     "impulsive_operators",
+    "inertia_of",
     "mechanical_outputs",
     "mechanism_equations",
     "memory_names",
     "model_functions",
+    "rates_from_momenta",
     "refuse_contacts",
     "results_of",
     "row_equations",

@@ -267,14 +267,6 @@ def refuse_contacts(
         raise error(f"{name}: {task} takes no unilateral liaisons and no dry friction ({which}); {remedy}")
 
 
-def refuse_samples(
-    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
-) -> None:
-    """Raise an error if a component is sampled: its equations hold between samples only."""
-    if isinstance(subject, type) and subject.is_sampled():
-        raise error(f"{subject.__name__}: {task} takes no samples of inputs; {remedy}")
-
-
 def declared_fields(instance: Component) -> dict[str, Any]:
     """Fields of Model that a component declares, by name: variables, documentation, experiment."""
     component = type(instance)

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Iterable
 
 from liaisons import Chain
-from liaisons.errors import ComponentError
 from liaisons.language import Component, Mechanism, Operator
 from liaisons.modelica_text.annotations import annotation
 from liaisons.modelica_text.chains import chain_motion_model
@@ -45,8 +44,7 @@ def _standalone_text(package: list[str]) -> str:
 
 def _component(component: type[Component]) -> list[str]:
     """Return the lines of the package of a component."""
-    if component.is_sampled():
-        raise ComponentError(f"{component.__name__}: Modelica text takes no samples of inputs; import its FMU")
+    component.refuse_samples("Modelica text", "import its FMU")
     if issubclass(component, Operator):
         classes = operator_classes(component)
     else:

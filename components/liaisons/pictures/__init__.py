@@ -1,6 +1,6 @@
 """What is drawn: curves, pictures and films of results, in files and notebooks."""
 
-from liaisons.pictures.animation import animate, motion_frames, motion_page
+from liaisons.pictures.animation import animate, last_image, motion_frames, motion_page
 from liaisons.pictures.figures import default_names, new_figure, plot, save_figure
 from liaisons.pictures.frames import picture_frames
 from liaisons.pictures.inline import inlined_page
@@ -13,6 +13,7 @@ __all__ = [
     "animate",
     "default_names",
     "inlined_page",
+    "last_image",
     "motion_frames",
     "motion_page",
     "new_figure",

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from itertools import count as counter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import check_finite
 from liaisons.base.arrays import Floats
@@ -181,3 +181,14 @@ def _interpolated(time: Floats, values: Floats, instants: Floats) -> Floats:
     from scipy.interpolate import Akima1DInterpolator
 
     return Akima1DInterpolator(time, values, method="makima")(np.minimum(instants, time[-1]))
+
+
+def last_image(picture: Picture, time: Floats, values: Callable[[str], Floats], *, title: str) -> NDArray[np.uint8]:
+    """Image of the last frame, (height, width, 3) of bytes, as large as those before in the same place.
+
+    :param values: of the variables at the times, by name.
+    """
+    from liaisons.pictures.drawing import frame_images
+
+    frames = picture_frames(picture, time, values, title=title)
+    return next(frame_images(Stage(frames), first=len(time) - 1, ratio=1.0))

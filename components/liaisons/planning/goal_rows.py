@@ -10,16 +10,10 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.arguments import shown
+from liaisons.base.array_names import by_name
+from liaisons.base.port_names import port_names
 from liaisons.errors import FormulaError, LiaisonsError, PlanError
-from liaisons.planning.goals import (
-    by_name,
-    is_expression,
-    motion_names,
-    unit_quaternion,
-    value_range,
-    values_by_element,
-)
-from liaisons.planning.symbols import GoalSymbols
+from liaisons.goals import GoalSymbols
 from liaisons.typed_formulas import formula
 
 
@@ -126,11 +120,11 @@ def _vanishing_rows(symbols: GoalSymbols, label: str, expression: Any) -> list[R
 
 def _start_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows of the state, σ and σ̇ at the start: those of the goal; states and σ of which it says nothing as declared."""
-    if is_expression(symbols.goal.start):
+    if symbols.goal.is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
     goal, names, starts = symbols.goal, symbols.state_names, symbols.start_parameters
     values: dict[str, Any] = {name: symbols.parameters[starts[name]] for name in names if name in starts}
-    moved = [name for move in goal.moves for name in motion_names(move)[:2]]
+    moved = [name for move in goal.moves for name in port_names(move)[:2]]
     sigma = by_name(goal.moves, symbols.initial_sigma)
     values |= {name: None if name in goal.closed else sigma.get(name) for name in moved} | dict(symbols.start)
     implied, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
@@ -138,36 +132,36 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
         if name not in values:
             rows.append(Row(name, implied[name]))
         elif values[name] is not None:
-            rows.append(Row(name, symbols.signals[name], *value_range(symbols.name, "start", name, values[name])))
+            rows.append(Row(name, symbols.signals[name], *symbols.value_range("start", name, values[name])))
     return rows
 
 
 def _end_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows at the end: values and ranges of the goal; for a quaternion the vector part of its rotation to the goal."""
     owner, end = symbols.name, symbols.goal.end
-    if is_expression(end):
+    if symbols.goal.is_expression(end):
         return _vanishing_rows(symbols, "end", end)
     rows: list[Row] = []
-    for name, value in values_by_element(f"{owner}: end", end, [v.name for v in symbols.model.variables]).items():
+    for name, value in symbols.values_by_element(f"{owner}: end", end).items():
         if value is None:
             continue
         if name in symbols.quaternions:
-            w, x, y, z = unit_quaternion(f"{owner}: {name}", value)
+            w, x, y, z = symbols.unit_quaternion(name, value)
             q = ca.vertcat(*(symbols.signals[axis] for axis in symbols.quaternions[name]))
             vector = ca.DM([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]) @ q  # of conjugate(goal) ⊗ q
             rows += [Row(f"{name}[{i + 1}]", vector[i]) for i in range(3)]
         else:
-            rows.append(Row(name, symbols.signals[name], *value_range(owner, "end", name, value)))
+            rows.append(Row(name, symbols.signals[name], *symbols.value_range("end", name, value)))
     return rows
 
 
 def _path_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows along the motion: the bounds of the goal, and the domains of coordinates without bounds."""
-    owner, variables = symbols.name, symbols.model.variables
+    owner = symbols.name
     rows: dict[str, Row] = {}
-    for name, value in values_by_element(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
+    for name, value in symbols.values_by_element(f"{owner}: bounds", symbols.goal.bounds).items():
         pair = value if isinstance(value, (tuple, list, np.ndarray)) else shown(value)
-        rows[name] = Row(name, symbols.signals[name], *value_range(owner, "bounds", name, pair))
+        rows[name] = Row(name, symbols.signals[name], *symbols.value_range("bounds", name, pair))
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
     start_sizes = by_name(symbols.goal.moves, map(float, symbols.initial_sigma_sizes))

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
+from liaisons.base.port_names import port_names
 from liaisons.language import Orientation
-from liaisons.planning.goals import Array, by_name, motion_names
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, anchor_weights
 
@@ -111,7 +113,7 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
     change = np.array([problem.terminal_state.get(name, x) - x for name, x in zip(names, start, strict=True)])
     moves = {name: change[names.index(name)] for name in problem.moves if name in names}
 
-    def states(u: Array) -> Array:
+    def states(u: Floats) -> Floats:
         """States (states, times) at fractions u of the duration."""
         rise, rate, _ = _smooth_step(u, T)
         x = start[:, None] + change[:, None] * rise
@@ -154,7 +156,7 @@ def _closed_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
         yield min((_halton_ellipse(problem, intervals, _LOOPS_TRIED * k + i) for i in range(_LOOPS_TRIED)), key=miss)
 
 
-def _sigma_ranges(problem: Problem) -> tuple[Array, Array]:
+def _sigma_ranges(problem: Problem) -> tuple[Floats, Floats]:
     """Middles and half widths of the bounds of σ, or of half a turn to both sides of the start."""
     start = problem.initial_state[problem.indices(problem.moves)]
     bounds = by_name(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True))
@@ -206,7 +208,7 @@ def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
 
 
 def _ellipse(
-    problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
+    problem: Problem, trajectory: CollocatedTrajectory, centre: Floats, radius: Floats, phases: Any
 ) -> CollocatedTrajectory:
     """The trajectory of one round of σ on an ellipse, with integrated states.
 
@@ -218,7 +220,7 @@ def _ellipse(
     else:
         phases = phases - np.angle(anchor_weights(len(phases)) @ (radius * np.exp(1j * phases)))
 
-    def motion(t: float) -> tuple[Array, Array, Array]:
+    def motion(t: float) -> tuple[Floats, Floats, Floats]:
         """σ, σ̇ and σ̈ at a time."""
         angle = w * t - phases
         value = centre + radius * (np.cos(angle) - shift)
@@ -245,7 +247,7 @@ def _integrated_transfer(problem: Problem, intervals: int, k: int, reach: float 
         change, T = reach * rng.normal(size=change.size), _EXTENSION * T
     w = 2 * np.pi * np.arange(1, 4) / T
 
-    def motion(t: float) -> tuple[Array, Array, Array]:
+    def motion(t: float) -> tuple[Floats, Floats, Floats]:
         """σ, σ̇ and σ̈ at a time."""
         rise, rate, acceleration = (change * x for x in _smooth_step(t / T, T))
         value = first + rise + waves @ (1 - np.cos(w * t))
@@ -255,21 +257,21 @@ def _integrated_transfer(problem: Problem, intervals: int, k: int, reach: float 
 
 
 def _with_integrated_states(
-    problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Array, Array, Array]]
+    problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Floats, Floats, Floats]]
 ) -> CollocatedTrajectory:
     """The trajectory with this motion of σ, and states integrated by the midpoint rule from point to point."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
-    names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]
+    names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(port_names(move)[:3])]
     indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]
 
-    def state_and_controls(x: Array, t: float) -> tuple[Array, Array]:
+    def state_and_controls(x: Floats, t: float) -> tuple[Floats, Floats]:
         """The state x with σ and σ̇ of the motion, and the controls."""
         sigma, x = motion(t), x.copy()
         for index, n, i in indices:
             x[index] = sigma[n][i]
         return x, sigma[problem.control_order]
 
-    def slope(x: Array, t: float) -> Array:
+    def slope(x: Floats, t: float) -> Floats:
         """Rates of the state x."""
         return np.array(problem.rates(*state_and_controls(x, t))).ravel()
 

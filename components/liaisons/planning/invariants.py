@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.algebra import at_zero
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError
 from liaisons.expressions import nonzero_states
-from liaisons.planning.goals import motion_names
 from liaisons.planning.guesses import arbitrary_motion
 from liaisons.planning.problems import Problem
 
@@ -73,7 +73,7 @@ def _never_moved(problem: Problem) -> np.ndarray:
     start = ca.SX(ca.DM(problem.initial_state[still]))
     rates, rows = (ca.substitute(e, X[still], start) if still else e for e in (rates, rows))
     if problem.is_loop and len(problem.moves) == 1:  # what is a function of σ comes back with it
-        value, rate, _ = motion_names(problem.moves[0])
+        value, rate, _ = port_names(problem.moves[0])[:3]
         s = X[problem.states.index(value)]
         s_dot = X[problem.states.index(rate)] if rate in problem.states else U[0]
         others = ca.vertcat(*(x for x in ca.vertsplit(symbols) if not ca.is_equal(x, s) and not ca.is_equal(x, s_dot)))

@@ -27,15 +27,14 @@ import numpy as np
 
 from liaisons.algebra import stack
 from liaisons.base.arguments import shown
-from liaisons.base.array_names import suffixed_name
+from liaisons.base.array_names import by_name, suffixed_name
 from liaisons.contacts import Compliance
 from liaisons.errors import PlanError, suggestion
-from liaisons.mechanics.model import Contact
+from liaisons.goals import Goal, GoalSymbols, duration_range, goal_symbols
+from liaisons.mechanics import Contact
 from liaisons.planning import problems
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, with_sizes
-from liaisons.planning.goals import Goal, by_name, duration_range
 from liaisons.planning.problems import Problem, Rows
-from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols
 
 _DIRECTIONS = {"sticks": 0, "forward": 1, "backward": -1}
 """Directions of sliding by modes of dry friction."""
@@ -210,7 +209,7 @@ def _total_duration(duration: tuple[float, float], phases: Sequence[_Phase]) -> 
     """
     least, most = (sum(phase.duration[i] for phase in phases) for i in (0, 1))
     low, high = max(duration[0], least), min(duration[1], most)
-    if low > high * (1 + ROUNDING):
+    if low > high * (1 + GoalSymbols.rounding):
         raise PlanError(f"phases last {least:g} s to {most:g} s, and duration = {duration}; change one of them")
     return low, max(low, high)
 

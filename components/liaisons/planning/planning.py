@@ -21,17 +21,8 @@ from liaisons.base.files import file_beside, read_toml_arguments
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
 from liaisons.errors import PlanError
+from liaisons.goals import Cost, Goal, Place
 from liaisons.library import Target, component
-from liaisons.planning.goals import (
-    Cost,
-    Expression,
-    Goal,
-    Value,
-    checked_phases,
-    closed_names,
-    duration_range,
-    move_names,
-)
 from liaisons.planning.guesses import far_guesses, guesses
 from liaisons.planning.invariants import refuse_invariants
 from liaisons.planning.phases import optimal_control_problem
@@ -50,8 +41,8 @@ def plan(
     /,
     moves: str | Sequence[str] | None = None,
     *,
-    start: Mapping[str, Value] | Expression | None = None,
-    end: Mapping[str, Value] | Expression | None = None,
+    start: Place | None = None,
+    end: Place | None = None,
     closed: bool | str | Sequence[str] = False,
     loops: int = 1,
     duration: float | tuple[float, float],
@@ -105,21 +96,19 @@ def plan(
     :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
     :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
     """
-    names = move_names(mechanism, moves)
     with start_value_hints({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
-        seconds = duration_range(duration)
-    goal = Goal(
-        component=mechanism,
-        moves=names,
-        start={} if start is None else start,
-        end={} if end is None else end,
-        closed=closed_names(closed, names),
-        duration=seconds,
-        minimize=minimize,
-        bounds=name_dictionary("bounds", bounds or {}, PlanError),
-        values=merged_start_values("plan", start_values, keywords, PlanError),
-        phases=checked_phases(phases),
-    )
+        goal = Goal.checked(
+            mechanism,
+            moves=moves,
+            start={} if start is None else start,
+            end={} if end is None else end,
+            closed=closed,
+            duration=duration,
+            minimize=minimize,
+            bounds=bounds,
+            values=merged_start_values("plan", start_values, keywords, PlanError),
+            phases=phases,
+        )
     check_integer("intervals", intervals, PlanError)
     check_integer("loops", loops, PlanError)
     if tries is not None:
@@ -127,7 +116,7 @@ def plan(
     if accuracy is not None:
         check_finite("accuracy", accuracy, PlanError)
     check_finite("time_limit", time_limit, PlanError)
-    title = f"plan {', '.join(names)}" if progress else ""
+    title = f"plan {', '.join(goal.moves)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
         problem = optimal_control_problem(goal)

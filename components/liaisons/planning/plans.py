@@ -15,14 +15,16 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
+from liaisons import Result, System, Verdict, simulate, tabulated
 from liaisons.base.arguments import as_path, check_finite, check_integer, float_array, name_dictionary, name_list, shown
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
-from liaisons.check import Verdict
-from liaisons.cosim import DefaultExperiment, Result
+from liaisons.base.port_names import port_names
+from liaisons.cosim import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
-from liaisons.interface import System, simulate, tabulated
+from liaisons.goals import Goal
 from liaisons.library import Target, is_named
-from liaisons.planning.goals import Goal, by_name, checked_phases, duration_range, motion_names
 from liaisons.planning.phases import optimal_control_problem
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
@@ -30,7 +32,6 @@ from liaisons.planning.transcription import (
     POWERS,
     TO_POWERS,
     Arc,
-    Array,
     Clock,
     CollocatedTrajectory,
     Solution,
@@ -41,7 +42,7 @@ from liaisons.planning.verifying import MODE_DISTANCES, verdicts
 
 _INTERPOLATION_ERROR = 1e-12
 """Error of the operators' quintics between knots, relative to the range of σ."""
-JUMP_LEAD = 1e-9
+_JUMP_LEAD = 1e-9
 """Distance of the last communication point before a jump from the jump, relative to the duration."""
 _DURATION_ERROR = 1e-7
 """Relative violation of the bounds of a duration that IPOPT leaves."""
@@ -76,6 +77,11 @@ class Plan:
         return low if low == high else float(self.solution.trajectory.durations.sum())
 
     @property
+    def jump_lead(self) -> float:
+        """Distance of the communication point before a jump from the jump [s]."""
+        return _JUMP_LEAD * self.duration
+
+    @property
     def finished(self) -> bool:
         """Whether the search ended by itself; False after a time limit or Ctrl-C."""
         return self.solution.finished
@@ -98,11 +104,11 @@ class Plan:
         return multipliers | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
 
     @property
-    def switches(self) -> Array:
+    def switches(self) -> Floats:
         """Instants [s] at which controls may jump: ends of the arcs but the last."""
         return np.cumsum(self.solution.trajectory.durations)[:-1]
 
-    def sigma(self, t: ArrayLike) -> dict[str, Array]:
+    def sigma(self, t: ArrayLike) -> dict[str, Floats]:
         """Values of σ, σ̇ and σ̈ by the names of the FMU's variables; at a jump those after it.
 
         :param t: times [s], of any shape; beyond both ends the polynomials are extrapolated.
@@ -112,7 +118,7 @@ class Plan:
         return {
             name: polynomial.derivative(n)(t)
             for move, polynomial in self._polynomials.items()
-            for n, name in enumerate(motion_names(move))
+            for n, name in enumerate(port_names(move)[:3])
         }
 
     @cached_property
@@ -185,7 +191,7 @@ class Plan:
         return self.goal.parameters | by_name(self.problem.start_names, np.array(values).ravel().tolist())
 
     @cached_property
-    def _knots(self) -> dict[str, Array]:
+    def _knots(self) -> dict[str, Floats]:
         """Times, σ, σ̇ and σ̈ at the knots of each operator, (4, knots), by moved coordinate.
 
         The times are the same for all, as many as the interpolation error needs.
@@ -202,14 +208,14 @@ class Plan:
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
         kinks[0] = True  # the first knot of an interval is the last of the one before it, unless there is a kink
 
-        def column(polynomial: PPoly, k: int) -> Array:
+        def column(polynomial: PPoly, k: int) -> Floats:
             """Times, σ, σ̇ and σ̈ at the knots of the k-th interval, (4, knots)."""
             local = np.linspace(0, h[k], int(parts[k]) + 1)
             return np.vstack([breaks[k] + local, _value_and_derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
 
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
-    def _equidistant_knots(self, step: float) -> dict[str, Array]:
+    def _equidistant_knots(self, step: float) -> dict[str, Floats]:
         """The same at equal steps, where each acceleration is the one that leads to the next value.
 
         Extrapolation from a knot meets the next value, even if σ̈ jumps between them.
@@ -217,16 +223,16 @@ class Plan:
         times = step * np.arange(round(self.duration / step) + 1)
         knots = {}
         for move in self.problem.moves:
-            value, rate, acceleration = (self.sigma(times)[name] for name in motion_names(move))
+            value, rate, acceleration = (self.sigma(times)[name] for name in port_names(move)[:3])
             acceleration[:-1] = 2 * (np.diff(value) / step - rate[:-1]) / step
             knots[move] = np.vstack([times, value, rate, acceleration])
         return knots
 
-    def _communication_points(self) -> Array:
+    def _communication_points(self) -> Floats:
         """Times of the knots, and instants just before jumps or beside the ends of phases [s]."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
-        beside = [jumps - JUMP_LEAD * self.duration]
+        beside = [jumps - self.jump_lead]
         if self.problem.phases:
             beside = [self.switches + sign * x * self.duration for x in MODE_DISTANCES for sign in (-1, 1)]
         return np.unique(np.concatenate([times, *beside]).clip(times[0], times[-1]))
@@ -284,7 +290,7 @@ class Plan:
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
 
-def _interpolants(knots: Mapping[str, Array]) -> dict[str, Any]:
+def _interpolants(knots: Mapping[str, Floats]) -> dict[str, Any]:
     """Moved coordinate -> operator that interpolates between its knots."""
     return {name: tabulated(*columns) for name, columns in knots.items()}
 
@@ -299,7 +305,7 @@ def _even_step(end: float, longest: float) -> float:
     return next((round(step, 9) for step in steps if abs(step - round(step, 9)) < 1e-12), end / least)
 
 
-def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
+def _value_and_derivatives(polynomial: PPoly, local: Floats, k: int | slice = slice(None)) -> Floats:
     """Value, first and second derivative, (3, n), at times ``local`` after the starts of the intervals k."""
     return np.array([np.polyval(polynomial.derivative(order).c[:, k], local) for order in range(3)])
 
@@ -337,10 +343,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         name_list(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    phases = checked_phases(arguments.get("phases") or None)
-    return Goal(
-        **arguments | {"component": component, "duration": duration_range(arguments["duration"]), "phases": phases}
-    )
+    return Goal.checked(**arguments | {"component": component, "phases": arguments.get("phases") or None})
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
@@ -380,7 +383,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     )
 
 
-def _finite_array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+def _finite_array(name: str, value: Any, shape: tuple[int, ...]) -> Floats:
     """The value as an array of finite numbers of a shape.
 
     :raises PlanError: if it is none.

@@ -24,11 +24,13 @@ import casadi as ca
 import numpy as np
 
 from liaisons.algebra import closure, stack
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
+from liaisons.goals import Goal, GoalSymbols, goal_symbols, range_middle
 from liaisons.language import Orientation
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, with_sizes
-from liaisons.planning.goals import Array, Goal, by_name, is_expression, motion_names, unit_quaternion
-from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, range_middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,21 +39,21 @@ class Rows:
 
     labels: tuple[str, ...]
     function: ca.Function
-    low: Array
-    high: Array
-    sizes: Array
+    low: Floats
+    high: Floats
+    sizes: Floats
 
     @property
     def equalities(self) -> list[int]:
         """Indices of the rows with equal bounds."""
         return [int(i) for i in np.flatnonzero(self.low == self.high)]
 
-    def in_relative_units(self, *sizes: Array) -> Rows:
+    def in_relative_units(self, *sizes: Floats) -> Rows:
         """The constraints divided by their sizes, as a function of arguments divided by theirs."""
         function = _relative_function(self.function, self.sizes, *sizes)
         return replace(self, function=function, low=self.low / self.sizes, high=self.high / self.sizes)
 
-    def violation(self, values: Array) -> Array:
+    def violation(self, values: Floats) -> Floats:
         """Distances of values (rows,) or (rows, points) from the ranges of their rows; 0 inside."""
         return np.abs(values - values.T.clip(self.low, self.high).T)
 
@@ -60,8 +62,8 @@ class Rows:
 class Scales:
     """Sizes of the variables of an optimal control problem."""
 
-    states: Array
-    controls: Array
+    states: Floats
+    controls: Floats
     time: float
     energy: float
     cost: float
@@ -76,9 +78,9 @@ class Problem:
     control_order: int
     states: tuple[str, ...]
     controls: tuple[str, ...]
-    initial_state: Array  # where it is free, as declared
+    initial_state: Floats  # where it is free, as declared
     terminal_state: dict[str, float]  # states that are given at the end, quaternions of the nearer sign
-    initial_sigma: Array  # where σ is no state
+    initial_sigma: Floats  # where σ is no state
     rates: ca.Function
     cost: ca.Function
     path: Rows
@@ -109,7 +111,7 @@ class Problem:
         """Indices of states by name."""
         return [self.states.index(name) for name in names]
 
-    def end_values(self, state: Array) -> Array:
+    def end_values(self, state: Floats) -> Floats:
         """Values of the rows at the end (rows,) from the last state."""
         return np.array(self.end.function(state)).ravel()
 
@@ -194,7 +196,7 @@ def _problem_in_states(
     absent = stack(symbols.motion[order + 1 :])
     fixed = ca.vertcat(absent, *(state.symbol for state in constants))
     values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
-    controls = tuple(motion_names(move)[order] for move in goal.moves)
+    controls = tuple(port_names(move)[order] for move in goal.moves)
 
     def with_constants(expression: ca.SX) -> ca.SX:
         """An expression with the initial values of the states that are constant."""
@@ -251,7 +253,7 @@ def _problem_in_states(
 def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
     """States of the mechanism, then those of σ and its rates that are below the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
-    names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
+    names = [*zip(*(port_names(move)[:3] for move in symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
     return [
         StateCandidate(name, symbol[i], rate[i], sizes[i])
@@ -263,7 +265,7 @@ def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
 def rows_at_rest(symbols: GoalSymbols, specified: set[str]) -> list[Row]:
     """Rows σ̇ = 0 at the start, but for closed coordinates and for rates that are specified."""
     goal = symbols.goal
-    if is_expression(goal.start):
+    if goal.is_expression(goal.start):
         return []
     rates = [(i, f"{name}_dot") for i, name in enumerate(goal.moves) if name not in goal.closed]
     return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in specified))
@@ -307,7 +309,7 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
     end_values = symbols.goal.end if isinstance(symbols.goal.end, Mapping) else {}
     for name, axes in symbols.quaternions.items():
         if end_values.get(name) is not None and set(axes) <= set(initial):
-            goal = unit_quaternion(f"{symbols.name}: {name}", end_values[name])
+            goal = symbols.unit_quaternion(name, end_values[name])
             sign = -1.0 if goal @ [initial[axis] for axis in axes] < 0 else 1.0
             terminal |= by_name(axes, sign * goal)
     return terminal
@@ -342,7 +344,7 @@ def _can_change(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: It
     if ca.depends_on(expression, ca.vertcat(*arguments)):
         return True
     value = float(ca.Function("value", [], [expression])()["o0"])
-    rounding = ROUNDING * row.size
+    rounding = symbols.rounding * row.size
     if label == "end" and not row.low - rounding <= value <= row.high + rounding:
         raise PlanError(
             f"{symbols.name}: end: {row.label} = {row.range} cannot be reached: it is conserved and stays {value:g}"
@@ -402,14 +404,14 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
     for i, name in enumerate(symbols.state_names):
         is_momentum = name not in starts or name.endswith(Orientation.momenta)
         value = float(symbols.start.get(name) or symbols.first_state[i])
-        is_moving = abs(value) > ROUNDING * symbols.state_sizes[i]
+        is_moving = abs(value) > symbols.rounding * symbols.state_sizes[i]
         if is_momentum and is_moving and symbols.vanishes(symbols.relative_rates[i]):
             raise PlanError(
                 f"{symbols.name}: end: nothing can come to rest: {name} is conserved, and it is {value:g} at the start"
             )
 
 
-def _relative_function(function: ca.Function, value_size: Array, *sizes: Array) -> ca.Function:
+def _relative_function(function: ca.Function, value_size: Floats, *sizes: Floats) -> ca.Function:
     """The function of arguments in units of their sizes, whose value is in units of its size."""
     arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
     result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))

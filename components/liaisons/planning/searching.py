@@ -15,9 +15,10 @@ from itertools import chain, groupby, islice, pairwise
 import casadi as ca
 import numpy as np
 
+from liaisons.base.arrays import Floats
 from liaisons.errors import PlanError
 from liaisons.expressions import is_smooth_function
-from liaisons.planning.goals import Array
+from liaisons.goals import runge_kutta
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
     DEGREE,
@@ -29,7 +30,6 @@ from liaisons.planning.transcription import (
     interval_count,
     path_rates,
     phase_points,
-    runge_kutta,
     solve,
 )
 from liaisons.planning.verifying import (
@@ -325,7 +325,7 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
     return best
 
 
-def _join_arcs(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
+def _join_arcs(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Floats]:
     """Arcs and durations; neighbours with the same active bounds become one."""
     runs = [list(run) for _, run in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
     arcs = tuple(replace(run[0][0], intervals=interval_count([arc for arc, _ in run])) for run in runs)
@@ -387,7 +387,7 @@ def _active_bounds(solution: Solution) -> list[_ActiveBounds]:
     holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
     span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
 
-    def bounds_at_point(column: Array) -> _ActiveBounds:
+    def bounds_at_point(column: Floats) -> _ActiveBounds:
         """Active bounds at a point with these values of the rows."""
         ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
         rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _AT_BOUND * span[i]]
@@ -405,7 +405,7 @@ def _equal_runs(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]
     return [(pattern, len(list(run))) for pattern, run in groupby(patterns)]
 
 
-def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
+def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Floats]:
     """Arcs with constant active bounds, and their durations."""
     runs = _equal_runs(patterns)
     cuts = np.cumsum([length for _, length in runs])[:-1]

@@ -24,7 +24,7 @@ from scipy.linalg import null_space
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from liaisons.planning.goals import Array
+from liaisons.base.arrays import Floats
 from liaisons.planning.problems import Problem, Rows
 
 DEGREE = 5
@@ -32,8 +32,6 @@ DEGREE = 5
 
 _ACTIVE_DISTANCE = 1e-7
 """Distance from a bound, in units of the row's size, below which a row is active at a solution of IPOPT."""
-_SUBSTEPS = 32
-"""Runge-Kutta steps in an interval or a communication step: of order four, they leave 1e-10 of a smooth motion."""
 _MOST_ITERATIONS = 400
 """Of IPOPT, without a solution nearby: those that converge take 50 to 200."""
 _SUCCESSES = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -77,13 +75,13 @@ class CollocatedTrajectory:
     """States and controls on a mesh: n states, c controls, m intervals in all."""
 
     arcs: tuple[Arc, ...]
-    durations: Array  # of the arcs [s]
-    knots: Array  # states at the ends of the intervals (n, m + 1)
-    inner: Array  # states at the collocation points (n, m · DEGREE)
-    controls: Array  # (c, m · DEGREE)
+    durations: Floats  # of the arcs [s]
+    knots: Floats  # states at the ends of the intervals (n, m + 1)
+    inner: Floats  # states at the collocation points (n, m · DEGREE)
+    controls: Floats  # (c, m · DEGREE)
 
     @property
-    def breaks(self) -> Array:
+    def breaks(self) -> Floats:
         """Instants [s] of the ends of the intervals, (m + 1,)."""
         ends = np.append(0.0, np.cumsum(self.durations))
         arcs = zip(ends[:-1], self.arcs, self.durations, strict=True)
@@ -91,17 +89,17 @@ class CollocatedTrajectory:
         return np.sort(np.concatenate([ends, *inside]))
 
     @property
-    def instants(self) -> Array:
+    def instants(self) -> Floats:
         """Instants [s] of the collocation points, (m · DEGREE,)."""
         breaks = self.breaks
         return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
 
-    def evaluate(self, function: ca.Function, inside: slice = slice(None)) -> Array:
+    def evaluate(self, function: ca.Function, inside: slice = slice(None)) -> Floats:
         """Values (rows, points) of a function of states and controls at all or some collocation points."""
         inner, controls = self.inner[:, inside], self.controls[:, inside]
         return np.array(function.map(inner.shape[1])(inner, controls))
 
-    def cost_and_rates(self, problem: Problem) -> tuple[Array, Array]:
+    def cost_and_rates(self, problem: Problem) -> tuple[Floats, Floats]:
         """Cost (m · DEGREE,) and rates of the states (n, m · DEGREE) at the collocation points."""
         parts = phase_points(problem, self.arcs)
         cost, rates = (
@@ -110,17 +108,17 @@ class CollocatedTrajectory:
         )
         return cost.ravel(), rates
 
-    def hamiltonian(self, problem: Problem, adjoints: Array) -> Array:
+    def hamiltonian(self, problem: Problem, adjoints: Floats) -> Floats:
         """Cost + adjoints · rates at the collocation points."""
         cost, rates = self.cost_and_rates(problem)
         return cost + (adjoints * rates).sum(axis=0)
 
-    def interpolated(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
+    def interpolated(self, arcs: tuple[Arc, ...], durations: Floats) -> CollocatedTrajectory:
         """The trajectory on another mesh, by the polynomials of the intervals, stretched to its duration."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
         breaks, scale = self.breaks, durations.sum()
 
-        def resampled(rows: Array, times: Array) -> Array:
+        def resampled(rows: Floats, times: Floats) -> Floats:
             """Values of rows at times of the other mesh; at a break those before it."""
             own_times = times / scale * breaks[-1]
             interval = np.searchsorted(breaks[1:-1], own_times)
@@ -185,9 +183,9 @@ class Solution:
     trajectory: CollocatedTrajectory
     cost: float
     status: str  # of IPOPT
-    hamiltonian: Array  # at the collocation points; constant along an extremal
-    adjoints: Array  # (n, m · DEGREE)
-    end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
+    hamiltonian: Floats  # at the collocation points; constant along an extremal
+    adjoints: Floats  # (n, m · DEGREE)
+    end_multipliers: Floats  # dJ/d(row at the end), of rows that are given as numbers
     residual: float = 0.0  # the largest violation of an equation
     finished: bool = True  # False: stopped on the way
     starts: int = 1  # of how many it is the best,
@@ -272,7 +270,7 @@ def solve(
     clock: Clock,
     *,
     to_nearest_end: bool = False,
-    shift: Array | None = None,
+    shift: Floats | None = None,
     is_near: bool = False,
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
@@ -291,7 +289,7 @@ def solve(
         clock=clock,
     )
 
-    def value(expression: Any, *shape: int) -> Array:
+    def value(expression: Any, *shape: int) -> Floats:
         """Value of an expression at the last iterate."""
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
 
@@ -324,7 +322,7 @@ def solve(
 
 
 def _constrained_program(
-    problem: Problem, guess: CollocatedTrajectory, *, to_nearest_end: bool = False, shift: Array | None = None
+    problem: Problem, guess: CollocatedTrajectory, *, to_nearest_end: bool = False, shift: Floats | None = None
 ) -> _Program:
     """The nonlinear program with cost and constraints.
 
@@ -359,7 +357,7 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
     yield from _loop_start_constraint(problem, program)
 
 
-def reduced_hessian_eigenvalues(solution: Solution, clock: Clock) -> Array | None:
+def reduced_hessian_eigenvalues(solution: Solution, clock: Clock) -> Floats | None:
     """Eigenvalues of the reduced Hessian at a solution, ascending, relative to the greatest absolute one.
 
     None if IPOPT leaves the solution, or they are not finite.
@@ -551,11 +549,6 @@ def _path_constraints(problem: Problem, arc: Arc, first: int, program: _Program)
                 yield _range_constraint(low, ca.vec(between), high)
 
 
-def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
-    """Function (z, p, duration) -> z after the duration, by steps of the classical Runge-Kutta method."""
-    return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)
-
-
 def path_rates(problem: Problem) -> ca.Function:
     """Function (state, controls) -> rates of the rows of the path, as far as they depend on states."""
     X, U = ca.SX.sym("X", len(problem.states)), ca.SX.sym("U", len(problem.controls))
@@ -592,6 +585,6 @@ def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Progra
                 yield TO_POWERS[None, -1] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0
 
 
-def anchor_weights(count: int) -> Array:
+def anchor_weights(count: int) -> Floats:
     """Weights of the coordinates in a sum of σ that varies even where one of them is at a bound."""
     return np.power(0.6, np.arange(count))

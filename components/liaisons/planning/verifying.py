@@ -8,10 +8,10 @@ from functools import cache, partial
 
 import numpy as np
 
-from liaisons.check import Verdict, verdict
+from liaisons import Result, Verdict, verdict
+from liaisons.base.arrays import Floats
 from liaisons.planning.problems import Rows
 from liaisons.planning.transcription import (
-    Array,
     Clock,
     Solution,
     interval_count,
@@ -19,7 +19,6 @@ from liaisons.planning.transcription import (
     reduced_hessian_eigenvalues,
     solve,
 )
-from liaisons.results import Result
 
 MULTIPLIER_ERROR = 1e-10
 """Error of IPOPT's multipliers; smaller numbers count as 0."""
@@ -160,7 +159,7 @@ def _is_within(duration: tuple[float, float], T: float) -> bool:
     return low < T * (1 - 1e-9) and high * (1 - 1e-9) > T
 
 
-def hamiltonians(solution: Solution) -> list[Array]:
+def hamiltonians(solution: Solution) -> list[Floats]:
     """Values of the Hamiltonian on each part of the motion along which it is constant.
 
     Phases of free duration are one part together, others one each.
@@ -247,7 +246,7 @@ def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clo
         yield verdict(text, error=error / least, tolerance=_SLOPE_TOLERANCE, reason="relative")
 
 
-def _relative_violation(rows: Rows, values: Array) -> float:
+def _relative_violation(rows: Rows, values: Floats) -> float:
     """Greatest distance of values from the ranges of their rows, relative to bounds above 1."""
     ends = np.where(np.isfinite([rows.low, rows.high]), np.abs([rows.low, rows.high]), 0).max(axis=0)
     return float(np.max(rows.violation(values) / np.maximum(1.0, ends)[:, None], initial=0.0))

@@ -9,6 +9,7 @@ from typing import Any, NoReturn, final
 
 import numpy as np
 
+from liaisons.base.clocks import time_rounding
 from liaisons.base.hermite import upper_coefficients
 from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled import library as compiled
@@ -20,7 +21,7 @@ from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, time_rounding
+from liaisons.cosim.structure.sources import SIGNALS
 
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
+from liaisons.base.clocks import time_rounding
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
@@ -25,7 +26,6 @@ from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.stepping import save_state, state_calls
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import time_rounding
 from liaisons.errors import RefusedError
 
 if TYPE_CHECKING:

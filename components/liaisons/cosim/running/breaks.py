@@ -19,14 +19,14 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.clocks import CLOCK_ERROR
+from liaisons.base.clocks import CLOCK_ERROR, time_rounding
 from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import Drive, time_rounding
+from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 
 _NEVER = 1e300

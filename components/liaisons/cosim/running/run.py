@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_positive, float_array, merged_start_values, name_dictionary, name_list, shown
+from liaisons.base.clocks import time_rounding
 from liaisons.base.folders import temporary_folder
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
@@ -60,7 +61,7 @@ from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, time_rounding
+from liaisons.cosim.structure.sources import SIGNALS
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
 

@@ -22,8 +22,8 @@ from liaisons.base.arguments import (
     name_list,
 )
 from liaisons.base.array_names import array_and_index
+from liaisons.base.clocks import communication_points
 from liaisons.base.logs import collected_warnings
-from liaisons.base.memory import check_memory
 from liaisons.base.port_names import PortNames
 from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.compiled import library as compiled
@@ -348,23 +348,6 @@ def _recorded_variables(
         owner, name = document.reference("record", full)
         variables += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
     return {variable[1] if single else ".".join(variable): variable for variable in variables}
-
-
-def communication_points(
-    start_time: float, stop_time: float | None, step_size: float | None, *, signals: int = 1
-) -> list[float]:
-    """Communication points t_i = start_time + i * step_size, and stop_time [s].
-
-    The last step may be longer than the others by a millionth, as rounding.
-
-    :param signals: number of recorded signals.
-    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if the recording is
-        larger than the memory.
-    """
-    stop_time, step_size = checked_stop_and_step(start_time, stop_time, step_size)
-    check_memory(start_time, stop_time, step_size, signals)
-    steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
-    return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
 
 
 def _checked_times(times: ArrayLike) -> list[float]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import shown
+from liaisons.base.clocks import time_rounding
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
@@ -23,8 +24,6 @@ SIGNALS = ""
 
 _CACHED = 4096
 """Largest number of values in the cache of a function."""
-_ROUNDING = 1e-12
-"""Relative tolerance of instants, as in FMUs of liaisons."""
 
 Function = Callable[[float], float | Sequence[float]]
 """A function of time [s]."""
@@ -149,11 +148,6 @@ class Drive:
                 f"{'False or True' if self.among == (0, 1) else f'an integer from {least} to {most}'}"
             )
         return values.reshape(-1)
-
-
-def time_rounding(time: float) -> float:
-    """Distance [s] from a time within which an instant is the same."""
-    return _ROUNDING * (1 + abs(time))
 
 
 def drives(functions: Mapping[VariableReference, Function], parts: Components, start_time: float) -> list[Drive]:

@@ -1,6 +1,6 @@
-"""A model as an ensemble needs it: without states that no recorded output depends on, with its operators.
+"""Expressions of a motion: a model with its operators, without states that no recorded output depends on.
 
-The vectors of :class:`liaisons.mechanics.model.Model` become columns of SX symbols: ``t``; ``lanes``, values that
+The vectors of :class:`liaisons.mechanics.Model` become columns of SX symbols: ``t``; ``lanes``, values that
 differ between the cases; ``shared``, values that all cases share; ``y``, the states that count.  All
 others keep their start values and are numbers in the expressions.
 """
@@ -8,35 +8,29 @@ others keep their start values and are numbers in the expressions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.algebra import closure, stack
-from liaisons.base.arguments import name_dictionary
+from liaisons.base.arrays import Floats
 from liaisons.contacts import Compliance
-from liaisons.cosim import System
-from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
-from liaisons.language import Component, Operator, Variable
-from liaisons.library import Target, component, composed_model
-from liaisons.mechanics import assemble
-from liaisons.mechanics.model import Contact, Model, Reach, refuse_contacts, refuse_samples
+from liaisons.errors import ComponentError, suggestion
+from liaisons.language import Variable
+from liaisons.mechanics import Model
 
-Floats = NDArray[np.float64]
 Expressions = dict[str, ca.SX]
 """Expressions by name."""
 
+CArray = tuple[ca.SX, str]
+"""Symbols or expressions, and the name of the array in C that has them; ``"*y"``: with D numbers an entry."""
 DEGREE = 5
 """Of polynomials that drive inputs."""
 LEFT = 100.0
 """Multiple of what keeps a constraint that one projection may leave, for the next one to take away."""
 _GAIN, _MOST_PROJECTIONS = 0.9, 100  # as in messages.c
-INTEGRALS = ("work", "dissipated")
-"""States that no motion depends on; integrated only for outputs that need them."""
 
 
 @final
@@ -44,14 +38,16 @@ INTEGRALS = ("work", "dissipated")
 class ContactColumns:
     """Expressions of the contacts of a motion, whose modes are the last shared values.
 
-    :param contacts: unilateral liaisons, then dry friction; ``gaps``: number of the former.
+    :param names: of the unilateral liaisons, then of dry friction; ``gaps``: number of the former.
+    :param normals: of each the index of the gap whose force bounds it, or -1.
     :param numbers: by which modes are chosen, without contact forces, as in ``core.h``.
     :param compliance: change of rates by contact forces, G in ``numbers``.
     :param indicators: each falls below 0 where the mode of its contact ends.
     :param pushed: y after ``impulses`` of the contacts; ``restored``: also moved along the gaps, and nothing is summed.
     """
 
-    contacts: tuple[Contact, ...]
+    names: tuple[str, ...]
+    normals: tuple[int, ...]
     gaps: int
     numbers: Expressions
     compliance: Compliance
@@ -79,7 +75,8 @@ class RightHandSide:
     :param before: t and the shared values before a jump.
     :param events: instants at which the equations are not smooth; where they recur, the first ones after t.
     :param sizes: nominal values of y.
-    :param reach: residuals of constraints as in the model's function, then what is prescribed for them: ``reaches``.
+    :param reach: residuals of constraints as in the model's function, then what is prescribed for them.
+    :param model: of which they were made.
     :param contacts: None: there are none.
     """
 
@@ -95,27 +92,35 @@ class RightHandSide:
     before: tuple[ca.SX, ca.SX]
     events: ca.SX
     sizes: ca.SX
-    reach: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-    reaches: tuple[Reach, ...] = ()
+    reach: ca.SX
+    model: Model
     contacts: ContactColumns | None = None
 
     @property
     def guarded(self) -> ca.SX:
         """y put back onto constraints; no number where they are out of reach, or a step is too long for that."""
-        if not self.reaches:
+        if not self.model.reaches:
             return self.projected
-        left = ca.substitute(self.reach[: len(self.reaches)], self.symbols[3], self.projected)
+        left = ca.substitute(self.reach[: len(self.model.reaches)], self.symbols[3], self.projected)
         return self.projected + ca.if_else(ca.norm_inf(left) <= LEFT, 0, np.nan)
+
+    def c_arguments(self, *, packed: bool = True) -> list[CArray]:
+        """Symbols and C arrays of t, the lanes k, the shared values s and the states y.
+
+        :param packed: whether k and y have D numbers an entry, not one.
+        """
+        star = "*" * packed
+        return list(zip(self.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
 
     def out_of_reach(self, begin: float, end: float, k: Floats, s: Floats, y: Floats) -> str:
         """Sentence on the first constraint that cannot be kept from a state at ``begin`` on; empty if all can.
 
         :param end: last instant that is looked at [s].
         """
-        if not self.reaches:
+        if not self.model.reaches:
             return ""
         function = ca.Function("reach", [*self.symbols], [self.projected, self.reach])
-        count, found = len(self.reaches), ""
+        count, found = len(self.model.reaches), ""
 
         def put_onto_constraints(t: float) -> tuple[str, Floats]:
             near, before = y, np.inf
@@ -125,7 +130,7 @@ class RightHandSide:
                     break
                 total = float(np.sum(np.abs(left[:count])))
                 if not total < _GAIN * before:
-                    return _reach_text(self.reaches, left, t), near
+                    return _reach_text(self.model, left, t), near
                 near, before = after, total
             return "", near
 
@@ -140,63 +145,6 @@ class RightHandSide:
             text, near = put_onto_constraints(middle)
             found, good, bad, y = (text, good, middle, y) if text else (found, middle, bad, near)
         return found
-
-
-@lru_cache(maxsize=32)
-def flat_model(declared: type[Component]) -> Model:
-    """Model of a component whose variables are scalars: each element of an array is one."""
-    return assemble(declared).flat()
-
-
-def continuous_model(
-    subject: Target | Model | System,
-    task: str,
-    remedy: str,
-    error: type[LiaisonsError] = ComponentError,
-    *,
-    allow_contacts: bool = False,
-) -> Model:
-    """Model of a component or a system in continuous time, with arrays element by element.
-
-    :param task: what needs the model, for the error; ``remedy``: what the user may do instead.
-    :raises LiaisonsError: for samples, and for contacts unless they are allowed.
-    """
-    equations = composed_model(subject) if isinstance(subject, System) else subject
-    declared = equations if isinstance(equations, Model) else component(equations)
-    for refuse in (refuse_samples,) if allow_contacts else (refuse_contacts, refuse_samples):
-        refuse(declared, task, remedy, error)
-    return declared.flat() if isinstance(declared, Model) else flat_model(declared)
-
-
-def operator_models(
-    model: Model, operators: Mapping[str, Target] | None, error: type[LiaisonsError] = InvalidValueError
-) -> dict[str, Model]:
-    """Active coordinate -> model of the operator that moves it.
-
-    :param operators: active coordinate -> operator by its name, file or class; None: none.
-    :raises ComponentError: if one is no function of time, or what it is put onto is not active.
-    """
-    active, moving = [a.value for a in model.active], dict[str, Model]()
-    for name, target in name_dictionary("operators", {} if operators is None else operators, error).items():
-        operator = component(target)
-        if name not in active:
-            raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
-        if not (isinstance(operator, type) and issubclass(operator, Operator)):
-            raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
-        moving[name] = flat_model(operator)
-        if moving[name].states or moving[name].inputs:
-            raise ComponentError(
-                f"operators: {operator.__name__} on {name} closes a loop; "
-                "in an ensemble an operator is a function of time"
-            )
-    return moving
-
-
-def settable_variables(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
-    """Parameters and inputs that can be set, by name; those of operators have names such as ``"length.amplitude"``."""
-    driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
-    own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
-    return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
 
 
 def checked_output_rows(model: Model, record: Iterable[str]) -> dict[str, int]:
@@ -218,17 +166,9 @@ def right_hand_side(
     start_time: float = 0.0,
     driven: Sequence[str] | None = None,
 ) -> RightHandSide:
-    """Expressions of a motion, reduced to the states on which recorded outputs depend.
+    """Expressions of a motion, as :meth:`liaisons.right_hand_sides.ContinuousModel.right_hand_side` says.
 
     :param moving: active coordinate -> model of the operator that moves it.
-    :param lanes: names of the values that differ between the cases, in the order of their column.
-    :param shared: names of the values that all cases share.
-    :param record: names of outputs.
-    :param driven: inputs and active coordinates that are polynomials of degree :data:`DEGREE` in time.  If not None,
-        further shared values are the start time, the instant from which the polynomials count, and their
-        coefficients, the constant ones first.
-    :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
-        operations.
     """
     rows = checked_output_rows(model, record)
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
@@ -298,7 +238,7 @@ def right_hand_side(
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
         sizes=_scalar_results(model.nominals, *at_start)[0],
         reach=ca.SX(0, 1) if model.reach is None else _scalar_results(model.reach, t, y, u, k)[0],
-        reaches=model.reaches,
+        model=model,
     )
     reduced = _reduced_to_needed_states(
         _with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole
@@ -331,8 +271,9 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
     )
 
 
-def _reach_text(reaches: Sequence[Reach], left: Floats, t: float) -> str:
+def _reach_text(model: Model, left: Floats, t: float) -> str:
     """Sentence on the constraint of which most is left; of the residuals, and what is prescribed for each."""
+    reaches = model.reaches
     worst = int(np.argmax(np.abs(left[: len(reaches)])))
     first, reach = len(reaches) + sum(len(r.prescribed) for r in reaches[:worst]), reaches[worst]
     values = ", ".join(f"{name} = {value:.9g}" for name, value in zip(reach.prescribed, left[first:], strict=False))
@@ -348,9 +289,9 @@ def _contact_memory_names(model: Model) -> list[str]:
     return modes + [c.variable(ending) for ending in ("impacts", "rests_from") for c in gaps]
 
 
-def _impact_loss_name(contact: Contact) -> str:
+def _impact_loss_name(contact: str) -> str:
     """Name of the output of the energy that impacts of a contact dissipate."""
-    part, dot, _ = contact.name.rpartition(".")
+    part, dot, _ = contact.rpartition(".")
     return f"{part}{dot}impact_loss"
 
 
@@ -358,7 +299,7 @@ def _impulse_sum_names(model: Model) -> list[str]:
     """Names of the sums to which impacts add: impulses of contacts and of operators, and dissipated energies."""
     impulses = [c.variable("impulse") for c in model.contacts if not c.friction]
     operators = [f"{name}_impulse" for name in model.impulsive_operators]
-    return [*impulses, *operators, *dict.fromkeys(map(_impact_loss_name, model.contacts))]
+    return [*impulses, *operators, *dict.fromkeys(_impact_loss_name(contact.name) for contact in model.contacts)]
 
 
 def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], sums: ca.SX) -> RightHandSide:
@@ -370,6 +311,7 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     assert model.push is not None
     assert model.indicate is not None
     contacts, gaps, y = model.contacts, sum(not c.friction for c in model.contacts), point[1]
+    names = tuple(contact.name for contact in contacts)
     numbers = dict(zip(model.contact.name_out(), _scalar_results(model.contact, *point), strict=True))
     impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
     once, _ = _scalar_results(model.push, *point, impulses, unmoved)
@@ -379,10 +321,11 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     numbers["G"] = ca.vec(compliance.matrix)
     change = compliance.U @ (compliance.V @ impulses)
     lost = -impulses * (numbers["v"] + change / 2)  # at the mean of the rates before and after
-    losses = list(map(_impact_loss_name, contacts))
+    losses = list(map(_impact_loss_name, names))
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
     columns = ContactColumns(
-        contacts,
+        names,
+        tuple(names.index(contact.normal) if contact.normal else -1 for contact in contacts),
         gaps,
         numbers,
         compliance,

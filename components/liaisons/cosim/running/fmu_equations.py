@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from ctypes import c_double
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Self, cast, final
+from typing import Any, Self, cast, final, get_args
 
 import numpy as np
 
+from liaisons.base.arguments import check_choice
 from liaisons.base.array_names import suffixed_name
+from liaisons.base.arrays import Floats
+from liaisons.base.differences import extrapolated_derivative
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import read
@@ -21,13 +23,11 @@ from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.running.linearization import Linearization, Method
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
-from liaisons.derivatives.steps import Floats
-from liaisons.errors import LiaisonsError, RefusedError, SimulationError
+from liaisons.errors import RefusedError, SimulationError
 
-DIFFERENCES = (1e-3, 5e-4)
-"""Sizes of differences that are extrapolated, relative to that of the variable."""
 _COMPARED = 1e-4
 """Size of the difference that the extrapolated one is compared with, relative to that of the variable."""
 _AGREEMENT = 1e-3
@@ -48,7 +48,8 @@ class FmuEquations:
     :ivar unknowns: rates and outputs; ``knowns``: states and inputs.
     :ivar x, u: states and inputs after initialization, shapes (states,) and (inputs,).
     :ivar has_events: whether it has event indicators or a time event.
-    :raises SimulationError: for an unknown name, a value that does not fit or is refused, an FMU without this kind.
+    :raises SimulationError: for an unknown name, a value that does not fit or is refused, an FMU without this kind, or
+        one that is sampled.
     """
 
     def __init__(
@@ -62,6 +63,9 @@ class FmuEquations:
     ) -> None:
         name, self.time = path.stem, time
         fmu = read(path, prefers="ModelExchange")
+        if fmu.has_sampled_outputs:
+            words = "its outputs hold, and depend on nothing between samples; linearize what it controls"
+            raise SimulationError(f"{name} is sampled: {words}")
         if not fmu.is_model_exchange:
             raise SimulationError(f"{path}: its states cannot be moved, for it is not made for Model Exchange")
         part = SystemComponent(name, fmu, {})
@@ -101,6 +105,12 @@ class FmuEquations:
             self.sizes = np.where(sizes > 0, sizes, np.concatenate([nominals, np.ones_like(self.u)]))
             self.has_events = self._instance.has_events
             self._stack = stack.pop_all()
+
+    @staticmethod
+    def are_differentiable(path: Path) -> bool:
+        """Whether an FMU is in continuous time, and its directional derivatives are to be had."""
+        fmu = read(path, prefers="ModelExchange")
+        return fmu.provides_directional_derivatives and not fmu.has_sampled_outputs
 
     def __enter__(self) -> Self:
         return self
@@ -170,8 +180,7 @@ class FmuEquations:
     def differences(self) -> Floats:
         """Derivatives by each state and input, extrapolated from differences, (unknowns, knowns)."""
         columns = [
-            extrapolated_derivative(partial(self._displaced_unknowns, k), DIFFERENCES, size)[0]
-            for k, size in enumerate(self.sizes)
+            extrapolated_derivative(partial(self._displaced_unknowns, k), size)[0] for k, size in enumerate(self.sizes)
         ]
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
@@ -196,27 +205,33 @@ class FmuEquations:
                     )
         return jacobian
 
+    def linearization(self, method: Method | None = None) -> Linearization:
+        """The linear system of deviations from states and inputs after initialization.
+
+        :param method: None: directional derivatives where there are any.
+        :raises SimulationError: for another method, or if a directional derivative contradicts differences.
+        """
+        if method is not None:
+            check_choice("linearize: method", method, get_args(Method))
+        states, point = len(self.states), self(self.time, self.x, self.u)
+        method = method or ("directional derivatives" if self.fmu.provides_directional_derivatives else "differences")
+        jacobian = self.differences() if method == "differences" else self.checked_jacobian()
+        variables, values = [*self.knowns, *self.outputs], (*self.x, *self.u, *point[states:])
+        return Linearization(
+            self.fmu.path.stem,
+            jacobian[:states, :states],
+            jacobian[:states, states:],
+            jacobian[states:, :states],
+            jacobian[states:, states:],
+            *(tuple(variable.name for variable in group) for group in (self.states, self.inputs, self.outputs)),
+            rates=point[:states],
+            values={variable.name: float(value) for variable, value in zip(variables, values, strict=True)},
+            units={variable.name: variable.unit for variable in variables},
+            method=method,
+        )
+
     def _displaced_unknowns(self, k: int, factor: float) -> Floats:
         """Rates and outputs after one state or input has moved by a multiple of its size, (unknowns,)."""
         moved = np.concatenate([self.x, self.u])
         moved[k] += factor * self.sizes[k]
         return self(self.time, *np.split(moved, [len(self.x)]))
-
-
-def extrapolated_derivative(
-    function: Callable[[float], Floats], sizes: Sequence[float], unit: float
-) -> tuple[Floats, Floats]:
-    """Derivative by Richardson's extrapolation of central differences, and an estimate of its error."""
-    try:
-        row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
-    except LiaisonsError:  # the edge of a domain: differences to one side
-        begin, ratio = function(0.0), 2.0
-        try:
-            row = [(function(h) - begin) / (h * unit) for h in sizes]
-        except LiaisonsError:
-            row = [(begin - function(-h)) / (h * unit) for h in sizes]
-    error, factor = np.zeros_like(row[0]), ratio
-    while len(row) > 1:
-        finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]
-        error, row, factor = np.abs(finer[-1] - row[-1]), finer, ratio * factor
-    return row[0], error

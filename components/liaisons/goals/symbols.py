@@ -3,39 +3,31 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from numbers import Real
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.algebra import stack
-from liaisons.base.arguments import check_finite, shown
+from liaisons.base.arguments import check_finite, name_dictionary, shown
+from liaisons.base.array_names import by_name
+from liaisons.base.arrays import Floats
+from liaisons.base.port_names import port_names
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions import nonzero_states
+from liaisons.goals.goal import Goal, Readings
 from liaisons.language import MechanicalComponent
 from liaisons.library import component, model
-from liaisons.mechanics import Model
-from liaisons.mechanics.model import refuse_contacts
-from liaisons.planning.goals import (
-    Array,
-    Goal,
-    Readings,
-    by_name,
-    finite_number,
-    is_expression,
-    motion_names,
-    unit_quaternion,
-    value_range,
-    values_by_element,
-)
+from liaisons.mechanics import Model, refuse_contacts
 
-ROUNDING = 1e-10
-"""Values below this, in units of their sizes, count as 0."""
+_SUBSTEPS = 32
+"""Runge-Kutta steps in an interval or a communication step: of order four, they leave 1e-10 of a smooth motion."""
 _WIDE_STATES = 24
 """Number of states far and near."""
 _SCALES = (-2, 4)
@@ -46,6 +38,8 @@ _SCALES = (-2, 4)
 class GoalSymbols:
     """Symbols of the state and of σ, σ̇, σ̈, expressions of them, and their values at the start."""
 
+    rounding: ClassVar = 1e-10  # values below this, in units of their sizes, count as 0
+
     goal: Goal
     component: Any
     model: Model
@@ -53,7 +47,7 @@ class GoalSymbols:
     inputs: dict[str, Any]
     start: Mapping[str, Any]  # values of the goal, by scalars, and orientations as given; nothing for an expression
     start_parameters: Mapping[str, str]  # parameters that are start values, by coordinates and rates
-    initial_sigma: Array
+    initial_sigma: Floats
     quaternions: Mapping[str, tuple[str, ...]]  # states, by orientations
     state_names: tuple[str, ...]  # of the mechanism
     state: ca.SX
@@ -76,7 +70,7 @@ class GoalSymbols:
     @property
     def motion_symbols(self) -> dict[str, ca.SX]:
         """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
-        names = [(i, motion_names(move)) for i, move in enumerate(self.goal.moves)]
+        names = [(i, port_names(move)[:3]) for i, move in enumerate(self.goal.moves)]
         return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
 
     @property
@@ -102,8 +96,8 @@ class GoalSymbols:
         """The state at the start, as an expression of symbols for its start values."""
         inputs = self.inputs | {move: self.motion_symbols[move] for move in self.goal.moves}
         for move in self.goal.moves:
-            _, rate, acceleration = motion_names(move)
-            inputs |= {rate: finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
+            _, rate, acceleration = port_names(move)[:3]
+            inputs |= {rate: _finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
         states = zip(self.state_names, ca.vertsplit(self.state), strict=True)
         own = {self.start_parameters[name]: x for name, x in states if name in self.start_parameters}
         first = self.model.start(0, stack(inputs.values()), stack((self.parameters | own).values()))[0]
@@ -119,18 +113,18 @@ class GoalSymbols:
         return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
 
     @property
-    def state_sizes(self) -> Array:
+    def state_sizes(self) -> Floats:
         """Typical magnitudes of the states."""
         return np.array([self.sizes.get(name, 1.0) for name in self.state_names])
 
     @property
-    def motion_sizes(self) -> list[Array]:
+    def motion_sizes(self) -> list[Floats]:
         """Typical magnitudes of σ, σ̇ and σ̈."""
         sizes = np.array([self.sizes[name] for name in self.goal.moves])
         return [sizes / self.time**n for n in range(3)]
 
     @property
-    def initial_sigma_sizes(self) -> Array:
+    def initial_sigma_sizes(self) -> Floats:
         """Absolute values of σ at the start; sizes where it is 0.
 
         Nearby states keep the signs of σ.
@@ -153,11 +147,11 @@ class GoalSymbols:
         return ca.jacobian(self.forces, self.motion[2])
 
     @cached_property
-    def first_state(self) -> Array:
+    def first_state(self) -> Floats:
         """Values of the state at the start."""
         return self.evaluate(self.initial_state, 0.0).ravel()
 
-    def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Array:
+    def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Floats:
         """Values of an expression at a random state near the start.
 
         :param spread: radius of the neighbourhood, in units of sizes; 0: at the start.
@@ -168,7 +162,7 @@ class GoalSymbols:
         return np.atleast_2d(np.array(function(point)))
 
     @property
-    def _centres_and_sizes(self) -> tuple[Array, Array]:
+    def _centres_and_sizes(self) -> tuple[Floats, Floats]:
         """Start values of state, σ, σ̇ and σ̈, with the distances of nearby states from them."""
         still, starts = np.zeros(len(self.goal.moves)), self.start_parameters
         state = [self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names]  # no momenta
@@ -195,7 +189,8 @@ class GoalSymbols:
             return depends
         rows, columns = map(np.array, jacobian.sparsity().get_triplet())
         entries = ca.SX(ca.Sparsity.dense(len(rows), 1), jacobian.nz[:])
-        found = np.any([np.abs(self.evaluate(entries, 0.3, seed)).ravel() > ROUNDING for seed in range(1, 4)], axis=0)
+        nearby = [np.abs(self.evaluate(entries, 0.3, seed)).ravel() for seed in range(1, 4)]
+        found = np.any([values > self.rounding for values in nearby], axis=0)
         left = np.flatnonzero(~found)
         if left.size:
             rng, (centres, sizes) = np.random.default_rng(0), self._centres_and_sizes
@@ -215,7 +210,30 @@ class GoalSymbols:
     def vanishes(self, expression: ca.SX) -> bool:
         """Whether an expression, divided by its size, is 0 at all nearby states."""
         everything = ca.vertcat(*self.motion, self.state)
-        return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < ROUNDING
+        return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < self.rounding
+
+    def value_range(self, label: str, name: str, value: Any) -> tuple[float, float]:
+        """Least and greatest value, from one number, or from two, of which None is infinite.
+
+        :raises PlanError: if the value is neither, or the range is empty.
+        """
+        return _value_range(self.name, label, name, value)
+
+    def values_by_element(self, label: str, values: object, variables: Sequence[str] | None = None) -> dict[str, Any]:
+        """Values by the names of scalars, from names of scalars and of arrays.
+
+        :param variables: names of the scalars; None: of all variables of the model.
+        :raises PlanError: unless the values have names, and lists the lengths of their arrays.
+        """
+        names = [v.name for v in self.model.variables] if variables is None else variables
+        return _values_by_element(label, values, names)
+
+    def unit_quaternion(self, name: str, value: Any) -> Floats:
+        """The quaternion of an orientation, divided by its norm.
+
+        :raises PlanError: unless the value is four numbers, not all 0.
+        """
+        return _unit_quaternion(f"{self.name}: {name}", value)
 
     def magnitude(self, expression: ca.SX) -> float:
         """Typical magnitude of a scalar: median norm of its value and gradient at nearby states; else 1."""
@@ -245,20 +263,20 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
     states = tuple(state.name for state in flat.states[:-2])
     quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
-    values = {} if is_expression(goal.start) else goal.start
-    start = values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
-    oriented = [(axes, unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
+    values = {} if goal.is_expression(goal.start) else goal.start
+    start = _values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
+    oriented = [(axes, _unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
     start |= {axis: float(x) for axes, unit in oriented for axis, x in zip(axes, unit, strict=True)}
     rates = set(start_parameters) - set(states)
-    moved = {end for move in goal.moves for end in motion_names(move)[:2]}
+    moved = {end for move in goal.moves for end in port_names(move)[:2]}
     variables_at_start = {*states, *rates, *moved, *quaternions}
     for key in start:
         if key not in variables_at_start:
             raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
     for key in moved & start.keys():
         if start[key] is not None:
-            value_range(name, "start", key, start[key])
-    parameters |= {start_parameters[rate]: finite_number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
+            _value_range(name, "start", key, start[key])
+    parameters |= {start_parameters[rate]: _finite_number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
     started = (key for key in states if key in start_parameters and isinstance(start.get(key), (int, float)))
     parameters |= {start_parameters[key]: float(start[key]) for key in started}
     units = {variable.name: variable.unit for variable in (*flat.parameters, *flat.inputs, *flat.outputs)}
@@ -279,8 +297,26 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         energy=_unit_size(base, "J"),
         memory=(0.0,) * len(flat.memory),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
-        motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
+        motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in port_names("sigma")[:3]),  # type: ignore[arg-type]
     )
+
+
+def _values_by_element(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
+    """Values by the names of scalars, from names of scalars and of arrays.
+
+    :raises PlanError: unless the values have names, and lists the lengths of their arrays.
+    """
+    by_element: dict[str, Any] = {}
+    for name, value in name_dictionary(label, values, PlanError).items():
+        scalars = [variable for variable in variables if variable.startswith(f"{name}[")]
+        if not scalars:
+            by_element[name] = value
+            continue
+        several = value if isinstance(value, (list, tuple, np.ndarray)) else [value] * len(scalars)
+        if len(several) != len(scalars):
+            raise PlanError(f"{label} of {name} has {len(several)} values; give {len(scalars)}")
+        by_element |= by_name(scalars, several)
+    return by_element
 
 
 def range_middle(value: Any, default: float) -> float:
@@ -311,7 +347,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
     """Values of parameters and of inputs by name: those of the goal, others as declared."""
     owner = declared.__name__
     parameters, inputs = ({v.name: v.starts[0] for v in own} for own in (flat.parameters, flat.inputs))
-    moved = {name for move in goal.moves for name in motion_names(move)}
+    moved = {name for move in goal.moves for name in port_names(move)[:3]}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
     for name, value in goal.parameters.items():
@@ -326,7 +362,7 @@ def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict
     return parameters, inputs
 
 
-def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
+def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Floats:
     """Sizes of the base units in which the numbers of a goal are nearest to 1, by least squares of logarithms.
 
     Divided by them, the quantities of a goal are the same in all units, and so is the plan.  Zero, infinity and pure
@@ -353,6 +389,52 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
     return np.exp(np.linalg.lstsq(exponents, np.array([*logarithms.values()]), rcond=None)[0])
 
 
-def _unit_size(base: Array, unit: str) -> float:
+def _unit_size(base: Floats, unit: str) -> float:
     """Size of a quantity with a unit, from those of the base units."""
     return 1.0 if unit == ANY else float(np.prod(base ** np.array(powers(unit), dtype=float)))
+
+
+def _unit_quaternion(label: str, value: Any) -> Floats:
+    """A quaternion divided by its norm.
+
+    :raises PlanError: unless the value is four numbers, not all 0.
+    """
+    try:
+        quaternion = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        quaternion = np.zeros(0)
+    if quaternion.shape != (4,) or not np.linalg.norm(quaternion) > 0:
+        raise PlanError(f"{label} = {shown(value)}: give four numbers, not all 0, a quaternion (w, x, y, z)")
+    return quaternion / np.linalg.norm(quaternion)
+
+
+def _finite_number(label: str, value: Any) -> float:
+    """The value as a float.
+
+    :raises PlanError: if it is not one.
+    """
+    check_finite(label, value, PlanError)
+    return float(value)
+
+
+def _value_range(owner: str, label: str, name: str, value: Any) -> tuple[float, float]:
+    """Least and greatest value, from one number, or from two, of which None is infinite.
+
+    :raises PlanError: if the value is neither, or the range is empty.
+    """
+    label = f"{owner}: {label} of {name} = {shown(value)}"
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    if isinstance(value, (tuple, list)):
+        if len(value) != 2 or not all(x is None or (isinstance(x, Real) and not np.isnan(float(x))) for x in value):
+            raise PlanError(f"{label}: give a number, or two, (low, high)")
+        low, high = (-np.inf if value[0] is None else value[0]), (np.inf if value[1] is None else value[1])
+    else:
+        low = high = _finite_number(f"{owner}: {name}", value)
+    if not low <= high:
+        raise PlanError(f"{label}: low must not exceed high")
+    return float(low), float(high)
+
+
+def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
+    """Function (z, p, duration) -> z after the duration, by steps of the classical Runge-Kutta method."""
+    return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)

@@ -9,15 +9,14 @@ from __future__ import annotations
 import platform
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import final
 
 import casadi as ca
 
-from liaisons.ensembles.methods import Tableau
-from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.expressions import c_parts, literal
-
-CArray = tuple[ca.SX, str]
-"""Symbols or expressions, and the name of the array in C that has them; ``"*y"``: with D numbers an entry."""
+from liaisons.right_hand_sides.methods import Tableau
+from liaisons.right_hand_sides.right_hand_side import CArray, RightHandSide
 
 OPERATIONS = 1000
 """In one function of C, at most: the time to compile it grows faster than their number."""
@@ -51,75 +50,69 @@ _SIMD = "#pragma omp simd\n"
 _LOOP = "    for (int i = 0; i < {}; ++i)\n        {};"
 
 
-def declarations_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
-    """C declarations that all other code needs: sizes, nodes and ``clipped``.
+@final
+@dataclass(frozen=True, eq=False)
+class StepCode:
+    """C of explicit Runge-Kutta steps of D motions, or of the derivatives of one along D directions.
 
     :param width: D.
     """
-    _, k, s, y = equations.symbols
-    return _HEAD.format(
-        declarations="\n".join(_libmvec_declarations()),
-        states=y.numel(),
-        lanes=k.numel(),
-        shared=s.numel(),
-        stages=tableau.stages,
-        width=width,
-        order=tableau.order + 1,
-        nodes=", ".join(map(literal, (*tableau.nodes, 1.0))),
-    )
 
+    equations: RightHandSide
+    tableau: Tableau
+    width: int = 1
 
-def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, stores_stages: bool = False) -> str:
-    """C declarations, and the C function ``step`` that advances D motions by one step.
+    def declarations(self) -> str:
+        """C declarations that all other code needs: sizes, nodes and ``clipped``."""
+        _, k, s, y = self.equations.symbols
+        return _HEAD.format(
+            declarations="\n".join(_libmvec_declarations()),
+            states=y.numel(),
+            lanes=k.numel(),
+            shared=s.numel(),
+            stages=self.tableau.stages,
+            width=self.width,
+            order=self.tableau.order + 1,
+            nodes=", ".join(map(literal, (*self.tableau.nodes, 1.0))),
+        )
 
-    :param width: D.
-    :param stores_stages: whether ``step`` stores the states at the stages and before the projection.
-    """
-    point, projects = (
-        c_arguments(equations),
-        stores_stages or not ca.is_equal(equations.projected, equations.symbols[3]),
-    )
-    most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
-    lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
-    lines += c_function("project", point, [(equations.guarded, "*f")], most) if projects else ()
-    lines.append(f"static void step({_STEP}{', double *restrict kept' if stores_stages else ''})\n{{")
-    lines.append(f"    double time, f[S * N * D]{'' if stores_stages else ', at[N * D]'};")
-    for stage, row in enumerate(tableau.rows):
-        last = stage == tableau.stages
-        state = f"(kept + {stage} * N * D)" if stores_stages else "at" if any(row) and (projects or not last) else "y"
-        if last or state != "y":
-            lines.append(
-                _SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {_stage_state_expression(row, 'N * D')}")
-            )
-        lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
-        if not last:
-            lines.append(f"    rates(&time, k, s, {state}, f + {stage} * N * D);")
-        elif projects:
-            lines.append(f"    project(&time, k, s, {state}, y);")
-    return declarations_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
+    def step(self, *, stores_stages: bool = False) -> str:
+        """C declarations, and the C function ``step`` that advances D motions by one step.
 
+        :param stores_stages: whether ``step`` stores the states at the stages and before the projection.
+        """
+        equations, tableau, width = self.equations, self.tableau, self.width
+        point, y = equations.c_arguments(), equations.symbols[3]
+        projects = stores_stages or not ca.is_equal(equations.projected, y)
+        most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
+        lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
+        lines += c_function("project", point, [(equations.guarded, "*f")], most) if projects else ()
+        lines.append(f"static void step({_STEP}{', double *restrict kept' if stores_stages else ''})\n{{")
+        lines.append(f"    double time, f[S * N * D]{'' if stores_stages else ', at[N * D]'};")
+        for stage, row in enumerate(tableau.rows):
+            last, own = stage == tableau.stages, f"(kept + {stage} * N * D)"
+            state = own if stores_stages else "at" if any(row) and (projects or not last) else "y"
+            if last or state != "y":
+                expression = _stage_state_expression(row, "N * D")
+                lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {expression}"))
+            lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
+            if not last:
+                lines.append(f"    rates(&time, k, s, {state}, f + {stage} * N * D);")
+            elif projects:
+                lines.append(f"    project(&time, k, s, {state}, y);")
+        return self.declarations() + "\n".join([*lines, "}\n"])
 
-def c_arguments(equations: RightHandSide, *, packed: bool = True) -> list[CArray]:
-    """Symbols and C arrays of t, the lanes k, the shared values s and the states y.
+    def stage_states(self) -> Iterator[str]:
+        """C function ``move`` that writes the state at a stage or after the step, from the rates f of the stages."""
+        parameters = "double h, const double *restrict y, double *restrict at"
+        rows = (f"at[i] = {_stage_state_expression(row, 'count')}" for row in self.tableau.rows)
+        return _switch_function("move", parameters, _SIMD, rows)
 
-    :param packed: whether k and y have D numbers an entry, not one.
-    """
-    star = "*" * packed
-    return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
-
-
-def stage_state_code(tableau: Tableau) -> Iterator[str]:
-    """C function ``move`` that writes the state at a stage or after the step, from the rates f of the stages."""
-    parameters = "double h, const double *restrict y, double *restrict at"
-    return _switch_function(
-        "move", parameters, _SIMD, (f"at[i] = {_stage_state_expression(row, 'count')}" for row in tableau.rows)
-    )
-
-
-def weighted_sum_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
-    """C function ``combine`` that sums the blocks of f with the weights of a row."""
-    statements = (f"sum[i] = {_weighted_sum_expression(row, 'count') or '0.0'}" for row in rows)
-    return _switch_function("combine", "double *restrict sum", "", statements)
+    def weighted_sums(self, *, adjoint: bool = False) -> Iterator[str]:
+        """C function ``combine`` that sums the blocks of f with the weights of a row of the step, or of its adjoint."""
+        rows = self.tableau.adjoint_rows if adjoint else self.tableau.rows
+        statements = (f"sum[i] = {_weighted_sum_expression(row, 'count') or '0.0'}" for row in rows)
+        return _switch_function("combine", "double *restrict sum", "", statements)
 
 
 def _switch_function(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
