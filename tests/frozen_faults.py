@@ -24,6 +24,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from faults import ROOT, entries
 
 FROZEN = Path(__file__).with_suffix(".json")
@@ -153,7 +155,7 @@ def any_fails(copy: Path, tests: list[str], marks: str) -> bool:
         ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False)
     except subprocess.TimeoutExpired:
         return True
-    return ended.returncode != 0
+    return ended.returncode not in {0, pytest.ExitCode.NO_TESTS_COLLECTED}
 
 
 def difference(fault: Fault) -> str:

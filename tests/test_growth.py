@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
+from liaisons.cosim import DefaultExperiment
+from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.model_description import parse
 from liaisons.cosim.description.start_values import start_values
+from liaisons.fmu import model_description
 from liaisons.fmu.code import model_code
-from liaisons.fmu.description import model_description
 from liaisons.fmu_pages.page import index_page
 from liaisons.mechanics import Model, assemble
 from liaisons.models import OscillatorChain

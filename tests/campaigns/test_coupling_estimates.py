@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from liaisons import System, build, flatten, simulate
-from liaisons.cosim.structure.schedule import Coupling
+from liaisons.cosim import Coupling
 
 Starts = dict[str, Any]
 

@@ -33,10 +33,9 @@ import pytest
 from fmpy.simulation import apply_start_values, instantiate_fmu
 
 from liaisons import System
-from liaisons.cosim import SystemComponent
+from liaisons.cosim import Connection, SystemComponent
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, make_instance
-from liaisons.cosim.structure.connections import Connection
 
 _LIBCOSIM = """
 import json, sys

@@ -10,7 +10,7 @@ import pytest
 from making import coupling_errors
 
 from liaisons import System, simulate
-from liaisons.cosim.structure.schedule import Coupling
+from liaisons.cosim import Coupling
 from liaisons.errors import ConnectError
 from liaisons.results import Result
 

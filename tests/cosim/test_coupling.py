@@ -17,12 +17,11 @@ from scipy.interpolate import BPoly, PPoly
 
 from liaisons import Signal
 from liaisons.check import slope
-from liaisons.cosim import IncompleteError, Result, System, simulate
+from liaisons.cosim import Connection, Coupling, IncompleteError, Result, System, simulate
 from liaisons.cosim.coupling.implicit import _jerk_at_end
 from liaisons.cosim.coupling.signals import Curve, polynomial_arrays
 from liaisons.cosim.coupling.strong_component import _INTEGRALS, StrongComponent
-from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.schedule import Coupling, shortest_algebraic_loops
+from liaisons.cosim.structure.schedule import shortest_algebraic_loops
 from liaisons.errors import SimulationError
 
 START: dict[str, Any] = {"theta_1_0": 0.3, "theta_2_0": 0.5}

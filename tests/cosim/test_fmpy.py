@@ -17,8 +17,7 @@ from making import FmuPaths, Trace, exchange_only, wired
 
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.units import BASE
-from liaisons.cosim import System
-from liaisons.cosim.description.fmu import read_description
+from liaisons.cosim import System, read_description
 from liaisons.cosim.instances import loading
 from liaisons.errors import SimulationError
 

@@ -23,9 +23,8 @@ from liaisons import (
     simulate,
     unilateral,
 )
-from liaisons.cosim import Interrupted
+from liaisons.cosim import Coupling, Interrupted
 from liaisons.cosim.running.contacts import ContactMechanism, accumulated_errors
-from liaisons.cosim.structure.schedule import Coupling
 
 
 class BallOnSpring(Mechanism):

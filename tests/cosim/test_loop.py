@@ -18,12 +18,11 @@ import pytest
 from making import wired
 
 from liaisons.base import compiler
-from liaisons.cosim import Result, simulate
+from liaisons.cosim import Coupling, Result, simulate
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, Call
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.running import loop
-from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import BuildError, SimulationError
 from liaisons.fmu import build
 from liaisons.fmu.layout import Fmi

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from liaisons.cosim import VariableReference
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.schedule import Feeds, Operation, VariableReference
+from liaisons.cosim.structure.schedule import Feeds, Operation
 
 CHAIN: Feeds = {("b", "u"): ("a", "y"), ("c", "u"): ("b", "y")}
 RING: Feeds = {("b", "u"): ("a", "y"), ("a", "u"): ("b", "y")}

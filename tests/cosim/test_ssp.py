@@ -24,8 +24,8 @@ from schemas import validated
 
 from liaisons import System, ssp, start, sweep
 from liaisons.base.folders import temporary_folder
-from liaisons.cosim import simulate
-from liaisons.cosim.description.fmu import DefaultExperiment, read
+from liaisons.cosim import DefaultExperiment, simulate
+from liaisons.cosim.description.fmu import read
 from liaisons.cosim.instances import make_instance
 from liaisons.errors import SimulationError
 from liaisons.fmu import build

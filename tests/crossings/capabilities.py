@@ -47,7 +47,7 @@ from liaisons.errors import SimulationError
 from liaisons.jax import motion
 from liaisons.language import Component
 from liaisons.library import fmu_file
-from liaisons.pictures.frames import picture_frames
+from liaisons.pictures import picture_frames
 
 PUSHED = ("mass", "Pendulum", "second", "ball")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up

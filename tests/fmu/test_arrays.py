@@ -15,9 +15,8 @@ from fmpy.validation import validate_fmu
 from handmade import ring
 from scipy.integrate import solve_ivp
 
-from liaisons.fmu import build
+from liaisons.fmu import build, model_description
 from liaisons.fmu.code import model_code
-from liaisons.fmu.description import model_description
 from liaisons.mechanics import Model, assemble
 from liaisons.models import PendulumChain, PlannedMotion, Satellite
 

@@ -16,8 +16,7 @@ from handmade import fall, pendulum, ring
 
 import liaisons
 from liaisons.errors import BuildError
-from liaisons.fmu import build
-from liaisons.fmu.description import model_description
+from liaisons.fmu import build, model_description
 from liaisons.fmu.origin import provenance
 from liaisons.mechanics import Model, assemble
 from liaisons.models import Constant, OscillatorChain

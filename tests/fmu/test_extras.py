@@ -19,9 +19,9 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled
 from matplotlib.pyplot import imread
 
 from liaisons.errors import ComponentError
-from liaisons.fmu import build
+from liaisons.fmu import build, extra_members
 from liaisons.fmu.archive import read_member
-from liaisons.fmu.extras import drawn_members, extra_members
+from liaisons.fmu.extras import drawn_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
 from liaisons.fmu_pages.icon import SIZE

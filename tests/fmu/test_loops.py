@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from liaisons.base.compiler import FLAGS, system_compiler
 from liaisons.chains import Chain
 from liaisons.chains.loops import PREAMBLE
+from liaisons.fmu import coupled_state_count
 from liaisons.fmu.code import model_code
-from liaisons.fmu.dependencies import coupled_state_count, initial_dependencies, running_dependencies, states_that_jump
+from liaisons.fmu.dependencies import initial_dependencies, running_dependencies, states_that_jump
 from liaisons.fmu.functions import DIFFERENTIATED
 from liaisons.language import ActiveCoordinate, Coordinate, Joint, Parameter, point
 from liaisons.mechanics import Code, Model, assemble

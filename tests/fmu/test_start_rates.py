@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from liaisons import assemble, ensemble, simulate
 from liaisons.errors import RefusedError
-from liaisons.fmu.layout import start_vectors
+from liaisons.fmu import start_vectors
 from liaisons.mechanics import Model
 from liaisons.models import Bricard, CartesianPendulum, FourBar, four_bars
 

@@ -10,7 +10,7 @@ import casadi as ca
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.fmu.description import model_description
+from liaisons.fmu import model_description
 from liaisons.language import (
     ActiveCoordinate,
     Chain,

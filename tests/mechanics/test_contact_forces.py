@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from liaisons.contacts.forces import Compliance, orthonormal_columns, solve_without_pivoting
+from liaisons.contacts import Compliance
+from liaisons.contacts.forces import orthonormal_columns, solve_without_pivoting
 
 GAPS, FRICTIONS = 5, 3
 NORMALS = [*[-1] * GAPS, 2, 0, -1]

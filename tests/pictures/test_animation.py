@@ -22,10 +22,10 @@ from liaisons.cosim.instances.protocol import Scalars
 from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
-from liaisons.pictures import motion_frames
-from liaisons.pictures.frames import RATE, Frames, picture_frames
+from liaisons.pictures import Stage, motion_frames, picture_frames
+from liaisons.pictures.frames import RATE, Frames
 from liaisons.pictures.gltf import _MESHES, _material, _quaternions_of_axes
-from liaisons.pictures.stage import LIGHT, Stage, camera_facing, rgb
+from liaisons.pictures.stage import LIGHT, camera_facing, rgb
 from liaisons.results import Picture
 
 from .conftest import MECHANISMS, Fmu, Moved

@@ -16,10 +16,10 @@ from liaisons import ActiveCoordinate, Ball, Coordinate, Flash, Floor, Mechanism
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.pictures import animate
+from liaisons.pictures import Stage, animate, picture_frames
 from liaisons.pictures.animation import Values
-from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion, picture_frames
-from liaisons.pictures.stage import TEETH, Stage, camera_facing, rgb
+from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion
+from liaisons.pictures.stage import TEETH, camera_facing, rgb
 from liaisons.results import Picture
 
 from .test_animation import content, numbers, omedit

@@ -25,7 +25,7 @@ from liaisons.cosim import Connection
 from liaisons.errors import BuildError, SimulationError
 from liaisons.library import catalogue
 from liaisons.live import live_page
-from liaisons.pictures.frames import picture_frames
+from liaisons.pictures import picture_frames
 from liaisons.pictures.stage import COILS, SIZES, Camera, _zigzag_points
 from liaisons.results import Picture
 

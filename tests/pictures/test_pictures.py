@@ -17,7 +17,8 @@ from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Result, Rod, W
 from liaisons.errors import ComponentError
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
-from liaisons.pictures.frames import Frames, picture_frames
+from liaisons.pictures import picture_frames
+from liaisons.pictures.frames import Frames
 
 from .conftest import MECHANISMS, Fmu, Moved
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from liaisons.pictures.frames import RATE, picture_frames
-from liaisons.pictures.stage import SIZES, Stage
+from liaisons.pictures import Stage, picture_frames
+from liaisons.pictures.frames import RATE
+from liaisons.pictures.stage import SIZES
 from liaisons.results import Picture
 
 TURNS = np.linspace(0, 2 * np.pi, 7)

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from liaisons import Result, System, simulate
-from liaisons.cosim.structure.schedule import Coupling
+from liaisons.cosim import Coupling
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum
 from liaisons.sweeps import SweepError, grid, sweep
