@@ -31,11 +31,11 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.simulation import apply_start_values, instantiate_fmu
+from numpy.typing import NDArray
 
 from liaisons import System
 from liaisons.cosim import Connection, SystemComponent
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.instances import Instance, make_instance
+from liaisons.cosim.instances import make_instance
 
 _LIBCOSIM = """
 import json, sys
@@ -180,7 +180,9 @@ def jacobi(
         return {".".join(place): read(*place) for place in compared(system)}
 
 
-def in_order(system: System, folder: Path, times: Vector, ahead: Mapping[str, str] | None = None) -> Values:
+def in_order(
+    system: System, folder: Path, times: NDArray[np.float64], ahead: Mapping[str, str] | None = None
+) -> Values:
     """The compared outputs at the end of a loop with FMPy, in which each output is read after the inputs that enter it.
 
     :param times: communication points.
@@ -234,7 +236,7 @@ def _slave(part: SystemComponent, folder: Path) -> Any:
 
 
 @contextmanager
-def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, Instance]]:
+def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, Any]]:
     """In initialization, with the start values of the archive."""
     path = folder / "starts.ssp"
     system.write_ssp(path, stop_time=stop_time)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -34,9 +34,9 @@ from liaisons import (
     start,
     unilateral,
 )
-from liaisons.base.compiler import Fmi
 from liaisons.cosim import IncompleteError
 
+Fmi = Literal["2", "3"]
 Starts = dict[str, float]
 Parts = dict[str, tuple[str, Starts]]
 

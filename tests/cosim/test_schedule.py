@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from liaisons.cosim import VariableReference
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.schedule import Feeds, Operation
 
+Feeds = dict[tuple[str, str], tuple[str, str]]
 CHAIN: Feeds = {("b", "u"): ("a", "y"), ("c", "u"): ("b", "y")}
 RING: Feeds = {("b", "u"): ("a", "y"), ("a", "u"): ("b", "y")}
 
@@ -20,7 +22,7 @@ def _never(_output: VariableReference, _input: VariableReference) -> bool:
     return False
 
 
-def _program(text: str) -> list[Operation]:
+def _program(text: str) -> list[Any]:
     actions: dict[str, schedule.Action] = {"set": "set", "step": "step", "get": "get"}
     return [(actions[word], name) for word, name in (item.split() for item in text.split(", "))]
 

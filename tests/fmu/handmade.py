@@ -18,7 +18,6 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from liaisons.language import Dimension, Experiment, Variable
-from liaisons.language.variables import Causality
 from liaisons.mechanics import ActiveInput, Model, State
 
 GRAVITY = 9.81
@@ -42,7 +41,7 @@ def pendulum() -> Model:
     booked = work + energy - energy_booked
     y_0 = ca.vertcat(theta_0, mass * length**2 * theta_dot_0, 0, 0)
     energy_0 = ca.substitute(energy, y, y_0)
-    z: dict[str, tuple[str, Causality, ca.SX]] = {
+    z: dict[str, tuple[str, Any, ca.SX]] = {
         "theta": ("rad", "output", theta),
         "theta_dot": ("rad/s", "output", theta_dot),
         "p_theta": ("kg.m2/s", "output", p),
@@ -138,7 +137,7 @@ def ring(n: int) -> Model:
     operator = stiffness * ca.sin(anchor - x) + mass / 2 * anchor_ddot
     kinetic = ca.dot(p, p) / (2 * mass) + mass / 2 * ca.dot(anchor_dot, anchor_dot)
     power = ca.dot(operator, anchor_dot) + ca.dot(force, x_dot)
-    z: dict[str, tuple[str, Causality, ca.MX]] = {
+    z: dict[str, tuple[str, Any, ca.MX]] = {
         "x": ("m", "output", x),
         "x_dot": ("m/s", "output", x_dot),
         "p": ("kg.m/s", "output", p),
@@ -194,7 +193,7 @@ def _parameter(name: str, unit: str, start: float, *, tunable: bool = False, **d
 def _model(
     name: str,
     vectors: Sequence[Any],
-    z: Mapping[str, tuple[str, Causality, Any]],
+    z: Mapping[str, tuple[str, Any, Any]],
     *,
     derivatives: Mapping[str, str],
     start: Sequence[Any],

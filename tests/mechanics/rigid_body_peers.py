@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from liaisons import Body, Linkage, ground
-from liaisons.linkages.joints import MOMENTS, BodyJoint, unit_vector
+from liaisons.linkages.joints import MOMENTS, unit_vector
 
 State = Mapping[str, float]
 """Coordinates, quaternions and their rates, by their names in an FMU."""
@@ -47,11 +47,11 @@ def inertia_of(body: Body) -> np.ndarray:
     return tensor
 
 
-def joints_of(tree: type[Linkage]) -> list[BodyJoint]:
+def joints_of(tree: type[Linkage]) -> list[Any]:
     """Joints depth first, as Pinocchio takes them."""
     joints = list(dict.fromkeys(frame.joint for frame in tree().frames))
 
-    def outwards(body: Body) -> list[BodyJoint]:
+    def outwards(body: Body) -> list[Any]:
         return [each for joint in joints if joint.parent is body for each in (joint, *outwards(joint.child))]
 
     return outwards(ground)

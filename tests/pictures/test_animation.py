@@ -15,15 +15,13 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from liaisons import Result, System, operator, simulate
-from liaisons.cosim.arrays import Numbers
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.fmi2 import CoSimulation2
-from liaisons.cosim.instances.protocol import Scalars
 from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Stage, motion_frames, picture_frames
-from liaisons.pictures.frames import RATE, Frames
+from liaisons.pictures.frames import RATE
 from liaisons.pictures.gltf import _MESHES, _material, _quaternions_of_axes
 from liaisons.pictures.stage import LIGHT, camera_facing, rgb
 from liaisons.results import Picture
@@ -52,7 +50,7 @@ def test_what_an_operator_moves_has_its_own_picture(fmu: Fmu, tmp_path: Path) ->
     result.animate(tmp_path / "motion.glb")
 
 
-def moving(result: Result, step: float) -> Frames:
+def moving(result: Result, step: float) -> Any:
     """Its shapes at every step [s]."""
     assert result.scene is not None
     return motion_frames(result.scene, result.time, dict(zip(result.names, result.values, strict=True)), step, "it")
@@ -181,7 +179,7 @@ def test_what_is_not_connected_does_not_pile_up(fmu: Fmu, tmp_path: Path, monkey
     system.connect(first["bob_x"], system.add("follower", fmu(Pendulum))["pivot_x"])
     result = system.simulate(2.0, step_size=0.02)
     assert result.scene is not None
-    seen: list[Frames] = []
+    seen: list[Any] = []
     monkeypatch.setattr("liaisons.pictures.animation.Stage", lambda *them: [seen.extend(them), Stage(*them)][1])
     result.animate(tmp_path / "two.png", against={"second.theta": result["second.theta"] - 1.0})
     shown, ghost = seen
@@ -211,7 +209,7 @@ def test_an_fmu_that_warns_is_drawn_and_one_that_refuses_is_named(
     signals, getter = {"theta": np.array([0.3]), "length": np.ones(1)}, CoSimulation2.getter
 
     def returning(status: int) -> None:
-        def prepare(self: CoSimulation2, variables: Scalars, values: Numbers) -> Call:
+        def prepare(self: CoSimulation2, variables: Any, values: Any) -> Call:
             read = getter(self, variables, values)
             return self.prepare_call("get", lambda: max(read(), status))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,7 @@ from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.pictures import Stage, animate, picture_frames
-from liaisons.pictures.animation import Values
-from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion
+from liaisons.pictures.frames import FLASH, RATE, THICKNESS
 from liaisons.pictures.stage import TEETH, camera_facing, rgb
 from liaisons.results import Picture
 
@@ -79,7 +79,7 @@ def test_a_flash_names_a_unilateral_liaison() -> None:
         document(wrong)
 
 
-def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> ShapeMotion:
+def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> Any:
     """One shape at some frames."""
     picture = Picture.from_json(json.dumps({"version": "1.1", "shapes": [shape]}).encode(), "it")
     (found,) = picture_frames(picture, np.arange(count) / RATE, signals.__getitem__, title="it").shapes
@@ -168,7 +168,7 @@ def test_damaged_shapes(shape: dict[str, Any], message: str) -> None:
 class _Scene:
     picture = Picture.from_json(json.dumps(document()).encode(), "it")
 
-    def values(self, signals: Values) -> Values:
+    def values(self, signals: Mapping[str, NDArray]) -> Mapping[str, NDArray]:
         return signals
 
 

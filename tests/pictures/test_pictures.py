@@ -18,7 +18,6 @@ from liaisons.errors import ComponentError
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
 from liaisons.pictures import picture_frames
-from liaisons.pictures.frames import Frames
 
 from .conftest import MECHANISMS, Fmu, Moved
 
@@ -35,7 +34,7 @@ LENGTHS: dict[str, list[str | float]] = {
 ROUNDING = 1e-12
 
 
-def shown(result: Result) -> Frames:
+def shown(result: Result) -> Any:
     scene = result.scene
     assert scene is not None
     signals = {name: result[name] for name in result.names}

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 import pytest
 
 from liaisons.cli import main
-from liaisons.sweeps.study import Completed, Failure, Outcome
-from liaisons.sweeps.workers import Deliver
+from liaisons.sweeps.study import Completed, Failure
 
 BAD_VALUES = [
     "theta_0=",
@@ -99,9 +100,9 @@ def test_failing_cases_are_shown(pendulum, capsys) -> None:
 
 def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, capsys, monkeypatch) -> None:
     csv = tmp_path / "table.csv"
-    outcomes: list[Outcome] = [Failure("took too long", refused=False), Completed((1.0,))]
+    outcomes: list[Any] = [Failure("took too long", refused=False), Completed((1.0,))]
 
-    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, time_limit: float) -> None:
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Callable[..., None], time_limit: float) -> None:
         assert time_limit == 3.0
         deliver(dict.fromkeys(cases, outcomes.pop(0)))
 

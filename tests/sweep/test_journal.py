@@ -22,9 +22,8 @@ import pytest
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
 from liaisons.sweeps.journal import Journal, _checksummed_line
-from liaisons.sweeps.measures import Measure, measure_identity
+from liaisons.sweeps.measures import measure_identity
 from liaisons.sweeps.study import Completed
-from liaisons.sweeps.workers import Deliver
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
 CASES = {"theta_0": np.linspace(0.1, 1.0, 8), "mass": [1.0, 2.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
@@ -190,7 +189,7 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(swept, monkeypatch
     swept()
     done: list[int] = []
 
-    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, _limit: object) -> None:
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Callable[..., None], _limit: object) -> None:
         done.extend(cases)
         deliver(dict.fromkeys(cases, Completed((7.0,))))
 
@@ -295,7 +294,7 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
 
 
 def test_functions_that_differ_in_defaults_or_what_they_enclose_are_others() -> None:
-    def of(factor: float) -> Measure:
+    def of(factor: float) -> Any:
         return lambda result: factor * result["theta"][-1]
 
     def by_default(result: Result, factor: float = 1.0) -> float:
