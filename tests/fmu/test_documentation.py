@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from liaisons.base.array_names import suffixed_name
-from liaisons.fmu import trajectory
 from liaisons.fmu_pages.page import index_page
 from liaisons.fmu_pages.sources import bibliography
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble, derive, mechanism_equations
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
+from liaisons.reference_results import trajectory
 from liaisons_catalogue.pendulum_chain import PendulumChain
 
 _FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
