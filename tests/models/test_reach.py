@@ -92,3 +92,14 @@ def test_ensembles_and_derivatives_name_it_too() -> None:
     with pytest.raises(SimulationError, match=SENTENCE):
         sensitivities("FourBar", "crank_mass", times=np.linspace(0, 2, 11), record="turn_force",
                       start_values={**STARTS, **values}, operators={"turn": "SmoothStep"})  # fmt: skip
+
+
+def test_derivatives_next_to_a_dead_point_are_refused_by_what_is_prescribed_there() -> None:
+    """It can be reached, by 1e-7 rad; what steps of derivatives do not come to is told with coordinate and value."""
+    values = {f"turn.{name}": value for name, value in driven(DEAD - 1e-7).items()}
+    with pytest.raises(SimulationError, match=r"at t = [\d.]+ s, where turn = [\d.]+: .* must be kept") as caught:
+        sensitivities("FourBar", "crank_mass", times=np.linspace(0, 2, 11), record="turn_force",
+                      start_values={**STARTS, **values}, operators={"turn": "SmoothStep"})  # fmt: skip
+    told = re.search(r"turn = ([\d.]+)", str(caught.value))
+    assert told is not None
+    assert DEAD - 0.1 < float(told[1]) < DEAD

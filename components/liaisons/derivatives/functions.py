@@ -28,6 +28,7 @@ class MotionFunctions:
         self.contacts = None if equations.contacts is None else Contacts(model.name, equations)
         self.steps = CompiledSteps(equations, self.contacts)
         self.condition_texts, self.out_of_reach = equations.condition_texts, equations.out_of_reach
+        self.prescribed_values = equations.prescribed_values
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 
     @cached_property

@@ -245,7 +245,9 @@ class SteppedMotion(ABC):
             raise SimulationError(f"{self.name}: {beyond}")
         near = self.functions.conditions.evaluate([t, k, s, y])[0]
         reason = self.functions.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
-        raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
+        values = self.functions.prescribed_values(t[0], k, s, y)
+        where = f"t = {t[0]:.9g} s" + (f", where {values}" if values else "")
+        raise SimulationError(f"{self.name}: no step is small enough at {where}: {reason}")
 
     def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
         """Yield the instants of events [s], and their derivatives by the values (values,)."""

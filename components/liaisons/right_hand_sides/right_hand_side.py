@@ -146,6 +146,13 @@ class RightHandSide:
             found, good, bad, y = (text, good, middle, y) if text else (found, middle, bad, near)
         return found
 
+    def prescribed_values(self, t: float, k: Floats, s: Floats, y: Floats) -> str:
+        """What is prescribed for the constraint that is kept least in a state, with its values; empty if nothing is."""
+        if not self.model.reaches:
+            return ""
+        left = ca.Function("reach", [*self.symbols], [self.reach])(t, k, s, y).full().ravel()
+        return _prescribed(self.model, left)[1]
+
 
 def checked_output_rows(model: Model, record: Iterable[str]) -> dict[str, int]:
     """Row of each output by name; a ComponentError if a name to be recorded is no output."""
@@ -271,15 +278,21 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
     )
 
 
-def _reach_text(model: Model, left: Floats, t: float) -> str:
-    """Sentence on the constraint of which most is left; of the residuals, and what is prescribed for each."""
+def _prescribed(model: Model, left: Floats) -> tuple[str, str]:
+    """Text of the constraint of which most is left, and what is prescribed for it."""
     reaches = model.reaches
     worst = int(np.argmax(np.abs(left[: len(reaches)])))
     first, reach = len(reaches) + sum(len(r.prescribed) for r in reaches[:worst]), reaches[worst]
-    values = ", ".join(f"{name} = {value:.9g}" for name, value in zip(reach.prescribed, left[first:], strict=False))
+    pairs = zip(reach.prescribed, left[first:], strict=False)
+    return reach.text, ", ".join(f"{name} = {value:.9g}" for name, value in pairs)
+
+
+def _reach_text(model: Model, left: Floats, t: float) -> str:
+    """Sentence on the constraint of which most is left; of the residuals, and what is prescribed for each."""
+    text, values = _prescribed(model, left)
     if not values:
-        return f"{reach.text} cannot be kept at t = {t:.9g}: no motion leads on from there"
-    return f"{reach.text} cannot be kept: {values} at t = {t:.9g} is out of reach; stay within it"
+        return f"{text} cannot be kept at t = {t:.9g}: no motion leads on from there"
+    return f"{text} cannot be kept: {values} at t = {t:.9g} is out of reach; stay within it"
 
 
 def _contact_memory_names(model: Model) -> list[str]:
