@@ -41,6 +41,7 @@ from liaisons import (
     verdict,
 )
 from liaisons.check import slope, table
+from liaisons.cosim import Settings
 from liaisons.models import Constant, Pendulum
 from liaisons.scenarios import Claims, scenario, within
 
@@ -235,7 +236,11 @@ def test_methods_say_which_argument_is_wrong(objects: dict[str, Any], kind: str)
         if not public or not (method.__module__ or "").startswith("liaisons") or name == "close":
             continue
         call = getattr(subject, name)
-        arguments = [p for p in inspect.signature(call).parameters.values() if p.kind != p.VAR_KEYWORD]
+        parameters = inspect.signature(call).parameters
+        arguments = [p for p in parameters.values() if p.kind != p.VAR_KEYWORD]
+        if "settings" in parameters:  # which are typed
+            only, own = inspect.Parameter.KEYWORD_ONLY, Settings.__annotations__
+            arguments += [inspect.Parameter(setting, only, default=None) for setting in own]
         needed = [
             p for p in arguments if p.default is p.empty and p.kind in {p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD}
         ]

@@ -82,7 +82,12 @@ class System:
 
     @classmethod
     def from_document(cls, document: SystemDocument) -> Self:
-        """System with the components, connections and experiment of a document."""
+        """System with the components, connections and experiment of a document.
+
+        :raises SimulationError: for what is no document.
+        """
+        if not isinstance(document, SystemDocument):
+            raise SimulationError(f"document = {shown(document)}: give that of a system, system.document")
         system = cls(document.name)
         system._parts = dict(document.parts)
         system._connections = {connection.target.reference: connection for connection in document.connections}
