@@ -190,3 +190,19 @@ def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None
         "liaisons.scenarios",
     }
     assert "casadi" not in modules
+
+
+@pytest.mark.parametrize("room", ["cli", "scenarios", "modelica_text", "formulas"])
+def test_a_room_outside_takes_few_names_of_the_kernel_by_its_doors(room: str) -> None:
+    """Beside ``from liaisons import ...`` and declarations; what is missing there is to be added there."""
+    kernel = {"algebra", "check", "cosim", "expressions", "fmu", "interface", "library", "mechanics", "results"}
+    taken = {
+        (node.module or "", alias.name)
+        for path in (Path(liaisons.__file__).parent / room).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[1:2]
+        for alias in node.names
+    }
+    from_kernel = {(module, name) for module, name in taken if module.split(".")[1] in kernel}
+    inside = {name for module, name in taken if module.count(".") > 1 and module.split(".")[1] not in {room, "base"}}
+    assert (inside, from_kernel if len(from_kernel) > 12 else set()) == (set(), set())

@@ -82,6 +82,18 @@ def test_an_archive(simulated: Simulated, tmp_path: Path) -> None:
     assert (result["swing.theta"][0], result.time[-1], len(result.time)) == (0.25, 1.0, 11)
 
 
+def test_an_archive_in_processes_of_its_own(simulated: Simulated, tmp_path: Path) -> None:
+    system = System("swing")
+    system.add("swing", fmu_path("Pendulum"), theta_0=0.5)
+    system.write_ssp(tmp_path / "swing.ssp", stop_time=1.0, step_size=0.5)
+    alone = System.from_ssp(tmp_path / "swing.ssp", {"swing.theta_0": 0.25}).isolated_copy(5.0)
+    assert [part.isolated for part in alone.parts.values()] == [5.0]
+    assert [part.isolated for part in system.parts.values()] == [0.0]
+    apart, here = (simulated("swing.ssp", "--set", "swing.theta_0=0.25", *words) for words in (["--isolated"], []))
+    assert apart["swing.theta"].tolist() == here["swing.theta"].tolist()
+    assert here["swing.theta"][0] == 0.25
+
+
 def test_a_formula_is_longer_than_a_name_of_a_file(simulated: Simulated) -> None:
     long = "length=1" + "+0.001*t" * 40
     assert simulated("Pendulum", "--input", long, "--stop", "1")["length"][-1] == pytest.approx(1.04, rel=1e-12)
