@@ -500,7 +500,8 @@ def _reach_initializers(model: Model) -> list[str]:
     rows, first = [], len(model.reaches)
     for reach in model.reaches:
         names = [*map(_c_string, reach.prescribed[:_MOST_NAMED])]
-        rows.append(_initializer(_c_string(reach.text), first, len(names), _initializer(*names or ["NULL"])))
+        listed = f"(const char *const[]){_initializer(*names)}" if names else "NULL"
+        rows.append(_initializer(_c_string(reach.text), first, len(names), listed))
         first += len(reach.prescribed)
     return rows
 

@@ -97,12 +97,10 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
     size_t loss;
 } DryFriction;
 
-enum { MOST_NAMED = 4 };
-
 typedef struct { /* a constraint: what is said of it, and where `reach` has what is prescribed for it */
     const char *text;
     size_t first, count;
-    const char *prescribed[MOST_NAMED];
+    const char *const *prescribed;
 } Reach;
 
 #define OFFSET(name) size_t name;

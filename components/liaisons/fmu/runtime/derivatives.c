@@ -7,8 +7,9 @@
 
 /* Call a generated function with these columns. */
 #define CALL(function, arguments, results)                                                                     \
-    (memcpy(self->call.arguments, arguments, sizeof arguments), memcpy(self->call.results, results, sizeof results), \
-     function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0))
+    (memcpy(self->call.other_arguments, arguments, sizeof arguments),                                          \
+     memcpy(self->call.other_results, results, sizeof results),                                                \
+     function(self->call.other_arguments, self->call.other_results, self->call.integers, self->call.reals, 0))
 
 /* The states that a projection began with, or the last one ended with. */
 static const double *projected_from(const Instance *self, size_t i) {

@@ -11,9 +11,9 @@
 #include "unilateral.h"
 
 #define FOR_EACH_IMPULSE(row) \
-    for (const ImpulseInput *row = self->model->impulse; row < self->model->impulse + self->model->impulse_rows; row++)
+    for (const ImpulseInput *row = self->model->impulse, *const end = row + self->model->impulse_rows; row < end; row++)
 #define FOR_EACH_REACTION(row) \
-    for (const Reaction *row = self->model->reaction; row < self->model->reaction + self->model->reaction_rows; row++)
+    for (const Reaction *row = self->model->reaction, *const end = row + self->model->reaction_rows; row < end; row++)
 
 void core_note_impulses(Instance *self) {
     double *applied = self->v.applied;
@@ -24,12 +24,12 @@ void core_note_impulses(Instance *self) {
 
 /* Whether a sum has grown. */
 static int has_impulses(const Instance *self) {
-    const double *applied = self->v.applied;
+    const double *applied = self->v.applied, *set = self->v.set;
     FOR_EACH_IMPULSE(row)
         for (size_t i = 0; i < row->count; i++)
-            if (self->v.set[row->sum + i] != *applied++) return 1;
+            if (set[row->sum + i] != *applied++) return 1;
     FOR_EACH_REACTION(row)
-        if (self->v.set[row->sum] != *applied++) return 1;
+        if (set[row->sum] != *applied++) return 1;
     return 0;
 }
 

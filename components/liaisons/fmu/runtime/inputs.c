@@ -30,6 +30,7 @@ Status core_set_input_derivatives(Instance *self, const unsigned references[], s
         taylor[orders[i]] = values[i];
     }
     self->s->expanded = 1;
+    self->known.rests = 0;
     return SUCCESS;
 }
 
@@ -66,9 +67,9 @@ static int rests(const Instance *self, const Prescribed *at) {
 static double *polynomial(Instance *self, size_t index) {
     Mover *mover = mover_of(self, index);
     if (mover != NULL) return mover->c;
-    const Variable *variable = core_variable_at(self->model, self->model->parameters + index);
     self->movers.of_input[index] = self->movers.count;
-    self->movers.list[self->movers.count] = (Mover){.index = index, .variable = variable, .c = {self->v.u[index]}};
+    self->movers.list[self->movers.count] =
+        (Mover){.index = index, .variable = self->movers.variable_of[index], .c = {self->v.u[index]}};
     return self->movers.list[self->movers.count++].c;
 }
 
@@ -107,12 +108,14 @@ void core_reconstruct(Instance *self, double H) {
 void core_settle_movers(Instance *self) {
     size_t kept = 0;
     for (size_t i = 0; i < self->movers.count; i++) {
-        Mover mover = self->movers.list[i];
-        mover.degree = ORDER;
-        while (mover.degree > 0 && mover.c[mover.degree] == 0) mover.degree--;
-        if (mover.degree == 0) continue;
-        self->movers.of_input[mover.index] = kept;
-        self->movers.list[kept++] = mover;
+        Mover *mover = &self->movers.list[i];
+        int degree = ORDER;
+        while (degree > 0 && mover->c[degree] == 0) degree--;
+        if (degree == 0) continue;
+        mover->degree = degree;
+        self->movers.of_input[mover->index] = kept;
+        if (kept < i) self->movers.list[kept] = *mover;
+        kept++;
     }
     self->movers.count = kept;
 }
@@ -144,12 +147,11 @@ int core_moves_apart(Instance *self) {
 
 int core_activity(const Instance *self) {
     const Model *model = self->model;
-    const size_t first = model->parameters, end = first + model->inputs;
+    const double *u = self->v.u;
     int found = model->motions[0].all == derivatives_of(model) ? ACTIVITIES - 1 : 0; /* where nothing would be saved */
     for (size_t i = 0; i < self->movers.count; i++) found |= self->movers.list[i].variable->activity;
-    for (const Variable *input = core_variable_at(model, first); found < ACTIVITIES - 1 && input->first < end; input++)
-        for (size_t i = 0; i < input->count; i++)
-            if (self->v.u[input->first - first + i] != 0) found |= input->activity;
+    for (size_t i = 0; i < model->inputs; i++)
+        if (u[i] != 0) found |= self->movers.variable_of[i]->activity;
     return found;
 }
 

@@ -45,7 +45,7 @@ static inline double input_integral(const Mover *mover, double x) {
 /* u at a time inside the step; 0 if one leaves its domain. */
 static inline int move_inputs(Instance *self, double t) {
     const double x = t / self->step.size;
-    for (const Mover *mover = self->movers.list; mover < self->movers.list + self->movers.count; mover++) {
+    for (const Mover *mover = self->movers.list, *const end = mover + self->movers.count; mover < end; mover++) {
         const double value = input_at(mover, x);
         self->v.u[mover->index] = value;
         if (!allows(mover->variable, value))

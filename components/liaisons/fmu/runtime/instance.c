@@ -82,6 +82,26 @@ static void lay_out(Instance *self) {
     self->movers.given = rest;
 }
 
+static void lay_out_call(Instance *self) {
+    const double *const standing[] = {&self->call.now, NULL, self->v.u, self->v.k, self->v.m};
+    memcpy(self->call.arguments, standing, sizeof standing);
+    self->call.results[1] = &self->call.margin;
+    self->call.margin = INFINITY;
+    self->call.other_arguments = self->call.arguments + self->model->most_arguments;
+    self->call.other_results = self->call.results + self->model->most_results;
+}
+
+/* Find the variable of each input, and the numbers that must be in a domain. */
+static void find_settable(Instance *self) {
+    const size_t first = self->model->parameters, end = first + self->model->inputs;
+    Bounded *bounded = self->bounded;
+    for (const Variable *variable = self->model->variables; variable->first < end; variable++)
+        for (size_t i = variable->first; i < variable->first + variable->count; i++) {
+            if (i >= first) self->movers.variable_of[i - first] = variable;
+            if (*variable->domain != '\0') *bounded++ = (Bounded){i, variable};
+        }
+}
+
 Instance *core_new(const Model *model, const Options *options) {
     const size_t n = model->states, settable = model->parameters + model->inputs;
     const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
@@ -106,22 +126,25 @@ Instance *core_new(const Model *model, const Options *options) {
     self->step.backup = malloc(self->layout.moving_size);
     self->movers.list = calloc(model->inputs + 1, sizeof *self->movers.list);
     self->movers.of_input = calloc(model->inputs + 1, sizeof *self->movers.of_input);
+    self->movers.variable_of = calloc(model->inputs + 1, sizeof *self->movers.variable_of);
+    self->bounded = calloc(settable + 1, sizeof *self->bounded);
     self->prescribed.count = prescribed;
     self->prescribed.list = calloc(prescribed + 1, sizeof *self->prescribed.list);
     self->prescribed.warned = calloc(model->active_rows + 1, sizeof *self->prescribed.warned);
     self->d.y = calloc(scratch + 1, sizeof *self->d.y);
-    self->call.arguments = calloc(model->most_arguments, sizeof *self->call.arguments);
-    self->call.results = calloc(model->most_results, sizeof *self->call.results);
+    self->call.arguments = calloc(2 * model->most_arguments, sizeof *self->call.arguments);
+    self->call.results = calloc(2 * model->most_results, sizeof *self->call.results);
     self->call.integers = calloc(model->integers + 1, sizeof *self->call.integers);
     self->words.name = calloc(NAME, sizeof *self->words.name);
-    if (!self->s || !self->step.backup || !self->movers.list || !self->movers.of_input || !self->prescribed.list
-        || !self->prescribed.warned || !self->d.y || !self->call.arguments || !self->call.results
+    if (!self->s || !self->step.backup || !self->movers.list || !self->movers.of_input || !self->movers.variable_of
+        || !self->bounded || !self->prescribed.list || !self->prescribed.warned || !self->d.y || !self->call.arguments || !self->call.results
         || !self->call.integers || !self->words.name) {
         core_free(self);
         return NULL;
     }
-    self->call.second = &self->call.margin;
     lay_out(self);
+    lay_out_call(self);
+    find_settable(self);
     core_find_prescribed(self);
     core_reset(self);
     return self;
@@ -133,6 +156,8 @@ void core_free(Instance *self) {
     free(self->step.backup);
     free(self->movers.list);
     free(self->movers.of_input);
+    free(self->movers.variable_of);
+    free(self->bounded);
     free(self->prescribed.list);
     free(self->prescribed.warned);
     free(self->d.y);
@@ -161,7 +186,7 @@ void core_reset(Instance *self) {
     for (size_t i = 0; i < model->start_rows; i++) self->v.k[model->starts[i].index] = model->starts[i].value;
     memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
     memset(self->prescribed.warned, 0, model->active_rows);
-    self->known.current = self->known.apart = self->known.allowed = 0;
+    self->known.current = self->known.apart = self->known.allowed = self->known.rests = 0;
     self->step.discarded_from = self->known.infinite = NAN;
     free(self->starts);
     self->starts = NULL;
@@ -283,12 +308,14 @@ int core_evaluate_at_limit(Instance *self, Function *function, const double *y, 
 
 void core_start(Instance *self) {
     if (!self->s->unstarted) return;
-    self->call.arguments[0] = &self->s->time;
-    self->call.arguments[1] = self->v.u;
-    self->call.arguments[2] = self->v.k;
-    self->call.results[0] = self->v.y;
-    self->call.results[1] = self->v.m;
-    self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
+    const double **arguments = self->call.other_arguments;
+    double **results = self->call.other_results;
+    arguments[0] = &self->s->time;
+    arguments[1] = self->v.u;
+    arguments[2] = self->v.k;
+    results[0] = self->v.y;
+    results[1] = self->v.m;
+    self->model->start(arguments, results, self->call.integers, self->call.reals, 0);
     self->s->unstarted = 0;
     self->refused = !core_sample(self) || !core_settle(self, self->s->time);
 }
@@ -335,7 +362,7 @@ int core_sample(Instance *self) {
 
 void core_jump(Instance *self) {
     core_leap(self);
-    core_follow_gaps(self);
+    if (has_contacts()) core_follow_gaps(self);
     evaluate(self, self->model->jump, self->s->time, self->v.y, self->d.y);
     if (core_is_singular(self))
         core_take_limits(self, self->model->jump, self->s->time, self->v.y, self->d.y, self->model->states);
@@ -377,10 +404,11 @@ void core_measure(Instance *self) {
 double core_next_instant(Instance *self, const double *k, double t) {
     double next = INFINITY;
     if (self->model->events == 0) return next;
-    self->call.arguments[0] = k;
-    self->call.arguments[1] = &t;
-    self->call.results[0] = self->scratch.instant;
-    self->model->instants(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
+    const double **arguments = self->call.other_arguments;
+    arguments[0] = k;
+    arguments[1] = &t;
+    self->call.other_results[0] = self->scratch.instant;
+    self->model->instants(arguments, self->call.other_results, self->call.integers, self->call.reals, 0);
     for (size_t i = 0; i < self->model->events; i++)
         if (self->scratch.instant[i] > t && self->scratch.instant[i] < next) next = self->scratch.instant[i];
     return next;
@@ -406,7 +434,7 @@ Status core_set_table(Instance *self, const double numbers[], size_t count) {
     table[0] = (double)rows;
     memcpy(table + 1, numbers, count * sizeof *table);
     free(self->table);
-    self->call.arguments[TABLE] = self->table = table;
+    self->call.arguments[TABLE] = self->call.other_arguments[TABLE] = self->table = table;
     self->known.current = 0;
     return SUCCESS;
 }

@@ -97,6 +97,8 @@ typedef struct { /* what need not be done again */
     int drawn;   /* and so do its last numbers, which only a picture needs */
     int apart;   /* u may have moved away from set */
     int allowed; /* k and set are known to be in their domains */
+    int derives; /* rates of prescribed coordinates are derived, perhaps */
+    int rests;   /* no input was set since a step in which none moved and all prescribed coordinates rested */
     unsigned asked; /* in model exchange: how often for derivatives; how many of the next ones are looked at closely */
     int suspect;
     double infinite; /* time at which it was said that a multiplier is */
@@ -117,9 +119,15 @@ typedef struct { /* the communication step under way */
     int apart; /* σ or σ̇ does not move as σ̇ and σ̈ say, as where they are held */
 } Step;
 
+typedef struct { /* a parameter or input that must be in a domain */
+    size_t index;
+    const Variable *variable;
+} Bounded;
+
 typedef struct { /* the inputs that move inside the step */
     Mover *list;
     size_t count, *of_input; /* index of an input among them */
+    const Variable **variable_of; /* an input */
     double *given;           /* by the importer, at ORDER times inside the step; those of one input side by side */
     size_t requested;          /* which of these times it is */
 } Movers;
@@ -144,11 +152,14 @@ typedef struct { /* scratch memory */
     double *projected, *anchor; /* states, on their way onto the constraints, and where these were kept last */
 } Scratch;
 
-typedef struct { /* of a generated function */
+typedef struct { /* of generated functions */
     double now;
-    double margin, *second; /* of a guarded function, how far constraints are from losing rank; where it is put */
+    double margin; /* of the last guarded function, how far constraints are from losing rank; INFINITY: none is guarded */
+    /* Of those that `evaluate` calls: all but y and the first result stay as they are. */
     const double **arguments;
     double **results;
+    const double **other_arguments; /* of the others */
+    double **other_results;
     long long *integers;
     double *reals;
 } Call;
@@ -174,6 +185,7 @@ struct Instance {
     Known known;
     Step step;
     Movers movers;
+    Bounded *bounded; /* behind the last one: NULL for its variable */
     Operator prescribed;
     Directions d, e; /* e: what is to be added to d */
     double *table;   /* that was taken: how many rows, then its columns; or NULL */
@@ -221,8 +233,11 @@ int core_check_domains(Instance *, double t);
 int core_check_conditions(Instance *, double t, const double *y, size_t count);
 /* Whether states keep all constraints but for a multiple of rounding. */
 int core_keeps(Instance *, double t, const double *y, double multiple);
-/* Put states onto the constraints, as far as Newton's method leads. */
-int core_put_onto_constraints(Instance *, double t, double *y);
+/* Put states, of which `residual` has what is left of the constraints, onto these, as far as Newton's method leads. */
+int core_approach_constraints(Instance *, double t, double *y);
+static inline int core_put_onto_constraints(Instance *self, double t, double *y) {
+    return self->model->reach_rows == 0 || core_keeps(self, t, y, 1) || core_approach_constraints(self, t, y);
+}
 /* States, or with `derivatives` those. */
 int core_check_finite(Instance *, const double *values, int derivatives, double t);
 
@@ -251,9 +266,11 @@ void core_find_prescribed(Instance *);
 void core_follow(Instance *);       /* start again: the motion has followed what is prescribed now */
 void core_depart(Instance *);       /* a communication step begins */
 void core_arrive(Instance *);       /* and ends */
+void core_stay(Instance *);         /* and ends, in which nothing that is prescribed moves, as in the one before */
 void core_compare(Instance *);      /* what is prescribed now with what was at the start of the last step */
 int core_compare_ends(Instance *);  /* in interpolation: both ends of the step that begins; whether any of them leaps */
-void core_look(Instance *);         /* whether rates are missing in what was given; derive them */
+/* Find whether rates are missing in what was given, and derive them; whether all that is prescribed rests. */
+int core_look(Instance *);
 void core_derive(Instance *);       /* missing rates at the present time */
 void core_reach(Instance *);        /* the inputs at the end of a step that interpolates */
 int core_watch(Instance *);         /* in model exchange: whether it is to be told that rates are missing */
@@ -295,13 +312,8 @@ static inline double before_limit(const Instance *self, double t) {
 }
 
 static inline int evaluate_now(Instance *self, Function *function, const double *y, double *result) {
-    self->call.arguments[0] = &self->call.now;
     self->call.arguments[1] = y;
-    self->call.arguments[2] = self->v.u;
-    self->call.arguments[3] = self->v.k;
-    self->call.arguments[4] = self->v.m;
     self->call.results[0] = result;
-    self->call.results[1] = self->call.second;
     return function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
 }
 
@@ -313,7 +325,7 @@ enum { ASIDE = 3 }; /* times on either side that limits are calculated from */
 static const double NARROW = 1e-5, POLE = 1e-8;
 
 /* Whether constraints lose rank where a guarded function was called last. */
-static inline int core_is_singular(const Instance *self) { return self->model->guarded && self->call.margin < NARROW; }
+static inline int core_is_singular(const Instance *self) { return self->call.margin < NARROW; }
 
 /* Replace what a guarded function has at a time, where it is singular, by its limits; the first number without, or -1. */
 long core_take_limits(Instance *, Function *function, double t, const double y[], double result[], size_t n);

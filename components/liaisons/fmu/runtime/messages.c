@@ -35,13 +35,10 @@ int core_outside(Instance *self, size_t index, double value, double t) {
 }
 
 int core_check_domains(Instance *self, double t) {
-    const size_t end = self->model->parameters + self->model->inputs;
     if (self->known.allowed) return 1;
-    for (const Variable *variable = self->model->variables; variable->first < end; variable++) {
-        if (*variable->domain == '\0') continue;
-        for (size_t i = variable->first; i < variable->first + variable->count; i++)
-            if (!allows(variable, self->v.k[i])) return core_outside(self, i, self->v.k[i], t);
-    }
+    for (const Bounded *bounded = self->bounded; bounded->variable != NULL; bounded++)
+        if (!allows(bounded->variable, self->v.k[bounded->index]))
+            return core_outside(self, bounded->index, self->v.k[bounded->index], t);
     self->known.allowed = 1;
     return 1;
 }
@@ -83,11 +80,10 @@ static int because_out_of_reach(Instance *self, double t) {
 static const double GAIN = 0.9;
 enum { MOST_ROUNDS = 100 };
 
-int core_put_onto_constraints(Instance *self, double t, double *y) {
+int core_approach_constraints(Instance *self, double t, double *y) {
     const Model *model = self->model;
     double before = INFINITY;
-    if (model->reach_rows == 0) return 1;
-    for (int i = 0; !core_keeps(self, t, y, 1); i++) {
+    for (int i = 0; i == 0 || !core_keeps(self, t, y, 1); i++) {
         double left = 0;
         for (size_t j = 0; j < model->reach_rows; j++) left += fabs(self->scratch.residual[j]);
         if (i == MOST_ROUNDS || !(left < GAIN * before)) return because_out_of_reach(self, t);

@@ -30,9 +30,10 @@ static const double WRONG = 0.25, STRAIGHT = 0.1;
 static const double NEAR = 0.05;
 
 /* The number, or the largest one if it overflows: a saved state has finite numbers only. */
-static double bounded(double x) { return isnan(x) ? 0 : fmax(-DBL_MAX, fmin(DBL_MAX, x)); }
+static double bounded(double x) { return x - x == 0 ? x : isnan(x) ? 0 : x > 0 ? DBL_MAX : -DBL_MAX; }
 
-#define FOR_EACH(p) for (Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
+#define FOR_EACH(p) \
+    for (Prescribed *p = self->prescribed.list, *const end_of_##p = p + self->prescribed.count; p < end_of_##p; p++)
 
 void core_find_prescribed(Instance *self) {
     const Model *model = self->model;
@@ -122,10 +123,12 @@ static void remember(Instance *self, Prescribed *p) {
     double numbers[] = {self->v.u[p->value], self->v.u[p->rate], self->v.u[p->acceleration]};
     if (derives(p) && derive(p, self->s->time, numbers)) past->points = 0;
     if (past->points > 0 && !(self->s->time > past->times[0])) past->points = 0; /* of another clock */
-    const size_t kept = (size_t)fmin(past->points, EARLIER - 1);
-    memmove(past->times + 1, past->times, kept * sizeof *past->times);
-    memmove(past->values + 1, past->values, kept * sizeof *past->values);
-    memmove(past->rates + 1, past->rates, kept * sizeof *past->rates);
+    const size_t kept = past->points < EARLIER ? (size_t)past->points : EARLIER - 1;
+    for (size_t i = kept; i > 0; i--) { /* less than three calls */
+        past->times[i] = past->times[i - 1];
+        past->values[i] = past->values[i - 1];
+        past->rates[i] = past->rates[i - 1];
+    }
     past->times[0] = self->s->time;
     past->values[0] = self->v.u[p->value];
     past->rates[0] = self->v.u[p->rate];
@@ -202,6 +205,7 @@ const char *core_told(Instance *self) {
 /* ---- from one communication point to the next -------------------------------------------------------------- */
 
 void core_follow(Instance *self) {
+    self->known.rests = 0;
     core_depart(self);
     FOR_EACH(p) {
         p->past->size = 0;
@@ -236,6 +240,13 @@ void core_arrive(Instance *self) {
     }
 }
 
+void core_stay(Instance *self) {
+    FOR_EACH(p) {
+        p->past->times[0] = self->step.start;
+        p->past->size = self->step.reach;
+    }
+}
+
 void core_reach(Instance *self) {
     memcpy(self->v.u, self->v.set, self->model->inputs * sizeof *self->v.u);
     FOR_EACH(p) {
@@ -244,26 +255,36 @@ void core_reach(Instance *self) {
     }
 }
 
-void core_look(Instance *self) {
+int core_look(Instance *self) {
     const double *set = self->v.set;
+    const int holds = self->s->reconstruction == HOLD;
+    int all = !holds;
+    self->known.derives = 0;
     FOR_EACH(p) {
         const Past *past = p->past;
+        const double value = set[p->value], rate = set[p->rate], acceleration = set[p->acceleration];
         p->tells = 0;
-        if (self->s->reconstruction == HOLD || past->size == 0) continue;
-        const double from[] = {past->value, past->given[0], past->given[1]};
-        const double to[] = {set[p->value], set[p->rate], set[p->acceleration]};
-        p->rests = to[0] == from[0] && past->still + past->turns == 0 && !(from[1] || from[2] || to[1] || to[2])
-                   && !derives(p);
-        if (p->rests) continue;
-        look(p, past->size, from, to);
+        if (!holds && past->size > 0) {
+            p->rests = value == past->value && rate == 0 && acceleration == 0 && past->given[0] == 0
+                       && past->given[1] == 0 && past->still + past->turns == 0 && !derives(p);
+            if (!p->rests)
+                look(p, past->size, (double[]){past->value, past->given[0], past->given[1]},
+                     (double[]){value, rate, acceleration});
+        }
+        all &= p->rests;
+        self->known.derives |= !p->rests && derives(p);
     }
-    if (self->s->reconstruction != HOLD) core_derive(self);
+    if (self->known.derives && !holds) core_derive(self);
+    return all;
 }
 
 /* ---- contradictions ---------------------------------------------------------------------------------------- */
 
 /* The larger absolute value at both ends of a step. */
-static double larger(const double from[3], const double to[3], int i) { return fmax(fabs(from[i]), fabs(to[i])); }
+static double larger(const double from[3], const double to[3], int i) {
+    const double a = fabs(from[i]), b = fabs(to[i]);
+    return a > b ? a : b; /* less than a call */
+}
 
 /* Compare σ at the end of a step of size H with what its rates say, and note the mismatch; whether it jumps there. */
 static int compare(Prescribed *p, double H, const double from[3], const double to[3], double t) {
@@ -400,11 +421,11 @@ static int find_jumps(Instance *self) {
     const size_t n = self->prescribed.count;
     int moves = 0;
     FOR_EACH(p) {
-        const double value = self->v.u[p->value], followed = p->past->followed;
-        const double rounding = ROUNDING * fmax(fabs(value), fabs(followed));
+        const double value = self->v.u[p->value], followed = p->past->followed, jump = value - followed;
         p->target = value;
         p->rest = self->v.u[p->rate];
-        p->jump = value == p->past->value || fabs(value - followed) <= rounding ? 0 : value - followed;
+        p->jump = value == p->past->value || fabs(jump) <= ROUNDING * fabs(value) || fabs(jump) <= ROUNDING * fabs(followed)
+                      ? 0 : jump;
     }
     for (size_t i = 0; i < n; i++) {
         if (self->prescribed.list[i].jump == 0) continue;

@@ -58,6 +58,8 @@ static int is_multiplier(const Instance *self, size_t output) {
 
 long core_take_limits(Instance *self, Function *function, double t, const double y[], double result[], size_t n) {
     const Model *model = self->model;
+    const int moves = function != model->calculate && function != model->remember && function != model->jump;
+    Function *rates = moves ? function : derivatives_of(model);
     double *f = self->scratch.aside + model->inputs + 2 * model->states, *r[2 * ASIDE], fastest = 0, h = 0;
     long without = -1;
     memcpy(self->scratch.aside, self->v.u, model->inputs * sizeof *self->v.u);
@@ -66,14 +68,14 @@ long core_take_limits(Instance *self, Function *function, double t, const double
     const double margin = self->call.margin;
     for (size_t i = 0; i < model->coupled; i++) fastest = fmax(fastest, fabs(f[i]) / self->v.size[i]);
     for (h = FIRST / fastest; h * fastest < LAST; h *= 2)
-        if (aside(self, derivatives_of(model), t, y, f, h, r[0]) > WIDE
-            && aside(self, derivatives_of(model), t, y, f, -h, r[0]) > WIDE)
+        if (aside(self, rates, t, y, f, h, r[0]) > WIDE && aside(self, rates, t, y, f, -h, r[0]) > WIDE)
             break;
     const int is_near = h * fastest < LAST;
     for (size_t k = 0; is_near && k < 2 * ASIDE; k++)
-        aside(self, derivatives_of(model), t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
+        aside(self, rates, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
     if (is_near && passes(self, f, r, margin)) {
-        for (size_t k = 0; k < 2 * ASIDE; k++) aside(self, function, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
+        for (size_t k = 0; !moves && k < 2 * ASIDE; k++)
+            aside(self, function, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
         for (size_t i = 0; i < n; i++) {
             const double near = r[0][i] + r[1][i], limit = limit_of(r, i);
             const double change = fabs(r[0][i] - r[1][i]), before = fabs(r[2][i] - r[3][i]);
@@ -90,7 +92,7 @@ long core_take_limits(Instance *self, Function *function, double t, const double
 int core_has_limits(Instance *self) {
     const Model *model = self->model;
     const size_t outputs = model->outputs - model->drawn, first = model->parameters + model->inputs;
-    if (!model->guarded || !(self->call.margin < WIDE)) return 1; /* as the last stage of the solver was */
+    if (!(self->call.margin < WIDE)) return 1; /* as the last stage of the solver was */
     self->known.current = 0;
     evaluate(self, model->calculate, self->s->time, self->v.y, self->v.z);
     if (!core_is_singular(self)) return 1;

@@ -219,8 +219,8 @@ Status core_restore(Instance *self, const void *bytes, size_t size) {
         return core_report(self, ERROR, "the saved state belongs to an instance for %s", USES[scalars.use]);
     memcpy(self->s, state, self->layout.state_size);
     if (self->s->phase < EVENT) self->s->unstarted = 1; /* states and memory that were not checked are not used */
-    self->known.current = self->known.allowed = 0;
-    self->known.apart = 1;
+    self->known.current = self->known.allowed = self->known.rests = 0;
+    self->known.apart = self->known.derives = 1;
     self->step.discarded_from = NAN;
     return SUCCESS;
 }

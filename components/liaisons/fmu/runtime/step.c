@@ -14,10 +14,7 @@
 /* Rates of all states. */
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    if (!self->step.apart) return (Signal)evaluate(self, self->step.motion->all, self->step.start + t, y, f);
-    evaluate(self, self->step.motion->all, self->step.start + t, y, f);
-    core_correct_work(self, t, y, f);
-    return GO_ON;
+    return (Signal)evaluate(self, self->step.motion->all, self->step.start + t, y, f);
 }
 
 /* Rates of the states that act on the motion. */
@@ -36,22 +33,48 @@ static Signal moved_coupled_rates(void *context, double t, const double y[], dou
     return move_inputs(context, t) ? coupled_rates(context, t, y, f) : STOP;
 }
 
-/* Rates of all states, or of those that act on the motion, where constraints may lose rank. */
-static Signal guarded(Instance *self, Function *function, size_t n, double t, const double y[], double f[]) {
-    if (self->movers.count > 0 && !move_inputs(self, t)) return STOP;
-    evaluate(self, function, self->step.start + t, y, f);
-    if (core_is_singular(self)) core_take_limits(self, function, self->step.start + t, y, f, n);
+/* Rates of all states, where inputs move otherwise than their rates say, and constraints may lose rank. */
+static Signal corrected_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    if (!move_inputs(self, t)) return STOP;
+    rates(self, t, y, f);
+    if (core_is_singular(self))
+        core_take_limits(self, self->step.motion->all, self->step.start + t, y, f, self->model->states);
+    core_correct_work(self, t, y, f);
     return GO_ON;
 }
 
-static Signal guarded_rates(void *context, double t, const double y[], double f[]) {
-    Instance *self = context;
-    return guarded(self, self->step.motion->all, self->model->states, t, y, f);
+/* Replace rates, where constraints lose rank, by their limits. */
+static Signal limited(Instance *self, Function *function, size_t n, double t, const double y[], double f[]) {
+    core_take_limits(self, function, self->step.start + t, y, f, n);
+    return GO_ON;
 }
 
+/* Rates of all states, where constraints may lose rank. */
+static Signal guarded_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    rates(self, t, y, f);
+    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states, t, y, f) : GO_ON;
+}
+
+/* Rates of the states that act on the motion, where constraints may lose rank. */
 static Signal guarded_coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return guarded(self, self->step.motion->coupled, self->model->coupled, t, y, f);
+    coupled_rates(self, t, y, f);
+    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled, t, y, f) : GO_ON;
+}
+
+/* These two, where inputs move. */
+static Signal moved_guarded_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    if (moved_rates(self, t, y, f) == STOP) return STOP;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states, t, y, f) : GO_ON;
+}
+
+static Signal moved_guarded_coupled_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    if (moved_coupled_rates(self, t, y, f) == STOP) return STOP;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled, t, y, f) : GO_ON;
 }
 
 /* Tell the importer of a step of the solver, which may want to end the communication step. */
@@ -305,9 +328,10 @@ static int move_states(Instance *self) {
                        moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
                        has_contacts() ? &events : NULL, report_stiffness};
     if (self->model->guarded) {
-        problem.rates = guarded_rates;
-        problem.coupled_rates = guarded_coupled_rates;
+        problem.rates = moves ? moved_guarded_rates : guarded_rates;
+        problem.coupled_rates = moves ? moved_guarded_coupled_rates : guarded_coupled_rates;
     }
+    if (self->step.apart) problem.rates = corrected_rates;
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     if (self->s->stiff_solver && self->stiff == NULL) {
@@ -445,22 +469,25 @@ static int advance(Instance *self, double time, double size) {
         memcpy(self->v.u, self->v.set, inputs_size);
         self->s->jumped = 1;
     }
-    if (!interpolating) core_look(self);
+    const int stays = self->known.rests; /* then nothing is to be done for inputs */
+    const int rests = stays || (!interpolating && core_look(self));
     const int leaps = interpolating && core_compare_ends(self);
-    if (!interpolating) core_compare(self);
-    if (!core_take_impulses(self)) return 0;
+    if (!interpolating && !stays) core_compare(self);
+    if (!stays && !core_take_impulses(self)) return 0;
     if (self->s->jumped) {
         core_jump(self);
         if (!core_check_finite(self, self->v.y, 0, time) || !core_put_onto_constraints(self, time, self->v.y)) return 0;
     }
     self->step.event = 0;
     if (!core_sample(self) || !core_settle(self, time)) return 0;
-    core_depart(self);
-    core_reconstruct(self, size);
-    if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
-    core_settle_movers(self);
-    self->step.apart = core_moves_apart(self);
-    self->step.motion = &self->model->motions[core_activity(self)];
+    if (!stays) {
+        core_depart(self);
+        core_reconstruct(self, size);
+        if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
+        core_settle_movers(self);
+        self->step.apart = core_moves_apart(self);
+        self->step.motion = &self->model->motions[core_activity(self)];
+    }
     if (!core_check_conditions(self, time, self->v.y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
     const int arrives = interpolating && self->step.reach == size;
@@ -476,7 +503,8 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->events > 0 && !with_events
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
-    core_arrive(self);
+    if (stays) core_stay(self);
+    else core_arrive(self);
     if (self->model->sample != NULL && !take_last_sample(self, arrives)) return 0;
     if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
     if (arrives && leaps) leap_to_inputs(self);
@@ -488,8 +516,10 @@ static int advance(Instance *self, double time, double size) {
     if (self->s->expanded) memset(self->v.taylor, 0, COEFFICIENTS * inputs_size);
     self->s->expanded = 0;
     self->known.apart = self->movers.count > 0;
+    self->known.rests = rests && !self->known.apart && self->options.request_inputs == NULL;
     self->known.current = 0;
-    return self->model->states > 0 ? core_has_limits(self) : outputs_are_finite(self);
+    if (self->model->states == 0) return outputs_are_finite(self);
+    return core_has_limits(self);
 }
 
 Status core_step(Instance *self, double time, double size, Arrival *arrival) {
@@ -502,7 +532,7 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
         return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
     if (!(time + size > time))
         return core_report(self, ERROR, "step size = %g: it is too small to lead on from t = %.15g", size, time);
-    core_warn(self, 0);
+    if (!self->known.rests) core_warn(self, 0);
     memcpy(self->step.backup, self->s, self->layout.moving_size);
     if (advance(self, time, size)) {
         self->step.discarded_from = NAN;
@@ -511,10 +541,11 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
             self->starts = NULL;
         }
         *arrival = (Arrival){self->s->time, self->step.reach < size, self->s->time == self->s->limit};
-        return core_tell(self) ? WARNING : SUCCESS;
+        return !self->known.rests && core_tell(self) ? WARNING : SUCCESS;
     }
     memcpy(self->s, self->step.backup, self->layout.moving_size);
-    self->known.current = 0;
+    self->known.current = self->known.rests = 0;
+    self->known.derives = 1;
     const int again = self->s->time == self->step.discarded_from && size > self->step.discarded_size * (1 - 1e-9);
     const Status status = self->step.curable && !again ? DISCARD : ERROR;
     if (status == DISCARD) {

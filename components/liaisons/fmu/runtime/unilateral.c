@@ -71,9 +71,9 @@ static void call_push(Instance *self, double time, const double y[], const doubl
                       double result[]) {
     self->call.arguments[5] = impulses;
     self->call.arguments[6] = shifts;
-    self->call.second = self->contacts.operators;
+    self->call.results[1] = self->contacts.operators;
     evaluate(self, self->model->push, time, y, result);
-    self->call.second = &self->call.margin;
+    self->call.results[1] = &self->call.margin;
 }
 
 /* Replace the states, and forget what was calculated from them. */

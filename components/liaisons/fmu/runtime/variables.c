@@ -270,6 +270,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int present = !(self->s->phase == STEP && interpolating);
     int fresh = 0;
+    self->known.rests = 0;
     if (self->layout.by_variable || n != count || !set_inputs(self, references, n, values, present, &fresh)) {
         const Status status = set_runs(self, references, n, values, count, present, &fresh);
         if (status != SUCCESS) return status;
@@ -279,7 +280,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
         fresh |= replace(self->v.u, self->v.set, self->model->inputs);
         self->known.apart = 0;
     }
-    if (self->prescribed.count > 0 && self->s->phase == STEP && self->s->reconstruction == EXTRAPOLATE) core_derive(self);
+    if (self->known.derives && self->s->phase == STEP && self->s->reconstruction == EXTRAPOLATE) core_derive(self);
     self->known.allowed = 0;
     if (self->s->phase < EVENT) self->s->unstarted = 1;
     if (fresh || self->model->sample != NULL) { /* a sample may wait for them */
