@@ -630,3 +630,82 @@ def test_impulses_do_the_whole_work(library, target: str, kind: str, settings: d
     assert work == pytest.approx(gain, rel=1e-9)
     assert p == pytest.approx(inertia * 0.7, rel=1e-9)
     assert abs(balance) <= 1e-9
+
+
+# ---- steps before which nothing is set ---------------------------------------------------------------------------
+
+NOTHING: dict[str, float] = {}
+SWUNG = {"rope_dot": 0.3, "lean_dot": -0.2, "lean_ddot": 0.5}
+CHANGES: list[dict[str, float]] = [
+    *[NOTHING] * 3,
+    {"rope": ROPE + 0.1},  # which jumps, and of which the rates say nothing
+    *[NOTHING] * 2,
+    {"theta_force": 5.0},
+    *[NOTHING] * 2,
+    {"rope": ROPE + 0.1, **SWUNG},  # moves on by its rates
+    NOTHING,
+    dict.fromkeys(SWUNG, 0.0),
+    *[NOTHING] * 3,
+]
+
+
+@pytest.mark.parametrize("target", ["fmi2", "fmi3"])
+def test_what_nobody_sets_again_is_as_it_was(library, mode: int, target: str) -> None:
+    """To the last bit, saved states too: whether inputs are set once, or again before each step."""
+    fmu = library(Swing, target)
+    once, again = (fmu.start(input_reconstruction=mode, theta_0=0.4) for _ in range(2))
+    values = dict(zip(INPUTS, once.get(*INPUTS).tolist(), strict=True))
+    states, H = [], 0.03
+
+    def step(k: int, changes: dict[str, float]) -> None:
+        values.update(changes)
+        if changes:
+            once.set(changes)
+        again.set(values)
+        for instance in (once, again):
+            instance.step(k * H, H, None)
+        states.append(once.serialize())
+        assert states[-1] == again.serialize(), k
+
+    for k, changes in enumerate(CHANGES):
+        step(k, changes)
+    assert once["theta"] != pytest.approx(0.4, abs=0.01)
+    begun = CHANGES.index(NOTHING, CHANGES.index({"rope": ROPE + 0.1, **SWUNG}))
+    for instance in (once, again):  # back into the motion, from where all rests
+        instance.deserialize(states[begun])
+    values.update({"rope": ROPE + 0.1, **SWUNG})
+    for k in range(begun + 1, begun + 4):
+        step(k, NOTHING)
+    if mode != HOLD:
+        assert once.get("theta") != again.library.restored(states[begun + 2])["theta"]
+
+
+INPUTS = tuple(f"{name}{end}" for name in ("rope", "lean") for end in ("", "_dot", "_ddot")) + ("theta_force",)
+
+
+def test_derivatives_of_inputs_and_events_count_after_rest(library) -> None:
+    """The length goes by its polynomial after steps of rest, as it does at once; an event begins anew."""
+    found = []
+    for steps in (1, 4):
+        instance = library(Pendulum).start(theta_0=0.0)  # at rest, where the length changes nothing but the work
+        for k in range(steps):
+            instance.step(k * 0.1, 0.1)
+        references, orders = instance.refs(["length"]), (ctypes.c_int32 * 1)(1)
+        instance.do("SetRealInputDerivatives", references, 1, orders, (ctypes.c_double * 1)(0.5))
+        instance.step(steps * 0.1, 0.2)
+        found.append(instance["work"])
+    assert found[0] == pytest.approx(-9.81 * 0.5 * 0.2, rel=1e-9)  # the bob sinks by 0.1 m
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+    rows = []
+    for touched in (False, True):
+        instance = library(Swing, "fmi3").start(options=WITH_EVENTS, theta_0=0.4)
+        instance.go_on()
+        for k in range(6):
+            if k == 3:
+                instance.do("EnterEventMode")
+                instance.go_on()
+            if touched:
+                instance.set(rope=ROPE)
+            instance.step(k * 0.1, 0.1)
+        rows.append(instance.serialize())
+    assert rows[0] == rows[1]

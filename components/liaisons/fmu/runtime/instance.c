@@ -273,6 +273,20 @@ static void add_given_rates(Instance *self) {
     }
 }
 
+/* Add what is prescribed for a constraint that is not kept at the start. */
+static void add_prescribed(Instance *self) {
+    const Model *model = self->model;
+    const Reach *reach = model->reaches, *const end = reach + model->reach_rows;
+    while (reach < end && strncmp(self->words.text, reach->text, strlen(reach->text)) != 0) reach++;
+    if (reach == end || reach->count == 0) return;
+    evaluate(self, model->reach, self->s->time, self->v.y, self->scratch.residual);
+    for (size_t i = 0; i < reach->count; i++) {
+        const size_t length = strlen(self->words.text);
+        snprintf(self->words.text + length, TEXT - length, "%s%s = %.9g", i > 0 ? ", " : "; prescribed: ",
+                 reach->prescribed[i], self->scratch.residual[reach->first + i]);
+    }
+}
+
 Status core_exit_initialization(Instance *self) {
     core_start(self);
     if (self->refused && core_check_domains(self, self->s->time))
@@ -282,6 +296,7 @@ Status core_exit_initialization(Instance *self) {
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
         || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)) || !starts_in_time(self)) {
         add_given_rates(self);
+        add_prescribed(self);
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
     }
     core_measure(self);
