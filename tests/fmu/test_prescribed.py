@@ -677,10 +677,10 @@ def test_what_nobody_sets_again_is_as_it_was(library, mode: int, target: str) ->
     for k in range(begun + 1, begun + 4):
         step(k, NOTHING)
     if mode != HOLD:
-        assert once.get("theta") != again.library.restored(states[begun + 2])["theta"]
+        assert once["theta"] != fmu.restored(states[begun + 2])["theta"]
 
 
-INPUTS = tuple(f"{name}{end}" for name in ("rope", "lean") for end in ("", "_dot", "_ddot")) + ("theta_force",)
+INPUTS = (*(f"{name}{end}" for name in ("rope", "lean") for end in ("", "_dot", "_ddot")), "theta_force")
 
 
 def test_derivatives_of_inputs_and_events_count_after_rest(library) -> None:

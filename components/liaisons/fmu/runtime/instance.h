@@ -323,13 +323,15 @@ static inline Function *derivatives_of(const Model *model) { return model->motio
 enum { ASIDE = 3 }; /* times on either side that limits are calculated from */
 /* Margins below which rates and outputs are taken as limits, and below which what has no limit is no number. */
 static const double NARROW = 1e-5, POLE = 1e-8;
+/* Margin from which on numbers are good enough to have limits calculated from them. */
+static const double WIDE = 4e-5;
 
 /* Whether constraints lose rank where a guarded function was called last. */
 static inline int core_is_singular(const Instance *self) { return self->call.margin < NARROW; }
 
 /* Replace what a guarded function has at a time, where it is singular, by its limits; the first number without, or -1. */
 long core_take_limits(Instance *, Function *function, double t, const double y[], double result[], size_t n);
-int core_has_limits(Instance *); /* the outputs at the end of a step; 0 and a reason */
+int core_has_limits(Instance *); /* the outputs at the end of a step that constraints of little rank lead to; 0 and a reason */
 
 int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result);
 

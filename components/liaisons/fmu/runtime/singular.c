@@ -3,8 +3,6 @@
 
 #include "instance.h"
 
-/* Margin from which on numbers are good enough to have limits calculated from them. */
-static const double WIDE = 4e-5;
 /* First time aside and the last one, in which a state moves by these parts of its size. */
 static const double FIRST = 1e-3, LAST = 0.3;
 /* Parts of a number by which both sides differ if it is no limit, and by which a limit is another number than it; what is
@@ -92,7 +90,6 @@ long core_take_limits(Instance *self, Function *function, double t, const double
 int core_has_limits(Instance *self) {
     const Model *model = self->model;
     const size_t outputs = model->outputs - model->drawn, first = model->parameters + model->inputs;
-    if (!(self->call.margin < WIDE)) return 1; /* as the last stage of the solver was */
     self->known.current = 0;
     evaluate(self, model->calculate, self->s->time, self->v.y, self->v.z);
     if (!core_is_singular(self)) return 1;

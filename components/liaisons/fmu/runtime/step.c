@@ -44,9 +44,9 @@ static Signal corrected_rates(void *context, double t, const double y[], double 
     return GO_ON;
 }
 
-/* Replace rates, where constraints lose rank, by their limits. */
-static Signal limited(Instance *self, Function *function, size_t n, double t, const double y[], double f[]) {
-    core_take_limits(self, function, self->step.start + t, y, f, n);
+/* Replace n rates that were calculated last, where constraints lose rank, by their limits. */
+static Signal limited(Instance *self, Function *function, size_t n) {
+    core_take_limits(self, function, self->call.now, self->call.arguments[1], self->call.results[0], n);
     return GO_ON;
 }
 
@@ -54,27 +54,27 @@ static Signal limited(Instance *self, Function *function, size_t n, double t, co
 static Signal guarded_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     rates(self, t, y, f);
-    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states, t, y, f) : GO_ON;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states) : GO_ON;
 }
 
 /* Rates of the states that act on the motion, where constraints may lose rank. */
 static Signal guarded_coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     coupled_rates(self, t, y, f);
-    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled, t, y, f) : GO_ON;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled) : GO_ON;
 }
 
 /* These two, where inputs move. */
 static Signal moved_guarded_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     if (moved_rates(self, t, y, f) == STOP) return STOP;
-    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states, t, y, f) : GO_ON;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->all, self->model->states) : GO_ON;
 }
 
 static Signal moved_guarded_coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     if (moved_coupled_rates(self, t, y, f) == STOP) return STOP;
-    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled, t, y, f) : GO_ON;
+    return self->call.margin < NARROW ? limited(self, self->step.motion->coupled, self->model->coupled) : GO_ON;
 }
 
 /* Tell the importer of a step of the solver, which may want to end the communication step. */
@@ -519,7 +519,7 @@ static int advance(Instance *self, double time, double size) {
     self->known.rests = rests && !self->known.apart && self->options.request_inputs == NULL;
     self->known.current = 0;
     if (self->model->states == 0) return outputs_are_finite(self);
-    return core_has_limits(self);
+    return !(self->call.margin < WIDE) || core_has_limits(self); /* it is that of the last stage of the solver */
 }
 
 Status core_step(Instance *self, double time, double size, Arrival *arrival) {

@@ -80,7 +80,8 @@ class Motion:
             self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
         except MotionError as reason:
             contradicted = "the rate of " in str(reason)
-            raise MotionError(f"{reason}{self._given_rates() if contradicted else ''}") from None
+            words = self._given_rates() if contradicted else self._prescribed(str(reason))
+            raise MotionError(f"{reason}{words}") from None
         if not np.isfinite(n.m).all():
             raise MotionError("the initial energy is not finite")
         self.apply_function("outputs")
@@ -97,6 +98,19 @@ class Motion:
         given = [start for start, _ in component.start_rates if k[start] != component.numbers["k"][start]]
         words = (f"{component.names[component.first + i - 1]} = {k[i]:.9g}" for i in given)
         return f"; given are {', '.join(words)}" if given else ""
+
+    def _prescribed(self, reason: str) -> str:
+        """Words for what is prescribed for the constraint that a reason begins with."""
+        n, reaches = self.n, self._component.reaches
+        first = len(reaches)
+        for text, names in reaches:
+            if names and reason.startswith(text):
+                n.trial[:], n.x[0] = n.y, 0.0
+                self.apply_function("reach")
+                values = zip(names, n.reached[first:], strict=False)
+                return f"; prescribed: {', '.join(f'{name} = {value:.9g}' for name, value in values)}"
+            first += len(names)
+        return ""
 
     def changed_rates(self) -> str:
         """Words for rates that are others than their start values, for constraints; empty: there are none."""
