@@ -107,5 +107,7 @@ def test_derivatives_next_to_a_dead_point_are_refused_by_what_is_prescribed_ther
 
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_a_start_beyond_a_dead_point_names_what_is_prescribed(fmu, backend: str) -> None:
-    with pytest.raises(SimulationError, match=r"pin_offset_\d .* must be kept .*\); prescribed: turn = 3; (reset, )?set another"):
+    with pytest.raises(
+        SimulationError, match=r"pin_offset_\d .* must be kept .*\); prescribed: turn = 3; (reset, )?set another"
+    ):
         simulate(fmu(FourBar, backend), stop_time=1, start_values={**STARTS, "turn": 3.0})
