@@ -39,8 +39,8 @@ _LARGE = 1500  # operations of the rates, of which those of loads are few: one f
 _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion of prescribed coordinates
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
-    *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h", "stiff.h", "event_search.h", "events.h"),
-    *("unilateral.h", "complementarity.h", "contact_rules.h", "impulses.h", "calls.h"),
+    *("core.h", "instance.h", "inputs.h", "prescribed.h", "solver.h", "symplectic.h", "stiff.h"),
+    *("event_search.h", "events.h", "unilateral.h", "complementarity.h", "contact_rules.h", "impulses.h", "calls.h"),
     *("fmi_common.h", "fmi_functions.h"),
 )
 

@@ -50,7 +50,8 @@ Knowns = tuple[Sequence[Variable], csr_array | None]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
-    *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
+    *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c"),
+    *("prescribed.c", "missing.c", "jumps.c", "step.c", "solver.c"),
     *(
         "symplectic.c",
         "stiff.c",

@@ -1,4 +1,4 @@
-"""Rates of prescribed coordinates that nobody gives, by the rules of ``prescribed.c``.
+"""Rates of prescribed coordinates that nobody gives, by the rules of ``missing.c``.
 
 Of each coordinate a state has a row of numbers: two counts of steps, the last rate and acceleration that were given,
 how many points are kept; then times, values and rates of these, newest first.
