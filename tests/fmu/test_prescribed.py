@@ -669,6 +669,9 @@ def test_what_nobody_sets_again_is_as_it_was(library, mode: int, target: str) ->
 
     for k, changes in enumerate(CHANGES):
         step(k, changes)
+        if mode == EXTRAPOLATE and k < CHANGES.index({"theta_force": 5.0}):  # what is set after rest is looked at
+            jumped = changes == {"rope": ROPE + 0.1}
+            assert once["rope_mismatch"] == pytest.approx(0.1 if jumped else 0.0), k
     assert once["theta"] != pytest.approx(0.4, abs=0.01)
     begun = CHANGES.index(NOTHING, CHANGES.index({"rope": ROPE + 0.1, **SWUNG}))
     for instance in (once, again):  # back into the motion, from where all rests
