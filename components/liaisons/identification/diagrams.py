@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.stats import chi2, f, norm
 
+from liaisons import Result
 from liaisons.base.arguments import as_path, name_list
 from liaisons.base.array_names import array_and_index
 from liaisons.errors import IdentificationError, suggestion
@@ -18,7 +19,6 @@ from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
 from liaisons.identification.verifying import replays
 from liaisons.pictures import new_figure, save_figure
-from liaisons.results import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
