@@ -157,6 +157,7 @@ def test_masters_agree_with_fmpy(master, trial, name, module, version) -> None:
     ("module", "version", "source"),
     [("libcosimpy", "2", "2"), ("ecospy", "2", "2"), ("ecospy", "3", "2"), ("ecospy", "3", "3")],
 )
+@pytest.mark.variants(core=0)
 def test_masters_couple_two_fmus(master, trial, module, version, source) -> None:
     sinusoid, pendulum = trial("Sinusoid", source), trial("Pendulum", version)
     times = pendulum.step * np.arange(STEPS + 1)

@@ -227,6 +227,7 @@ def test_period(folder: Path, amplitude: float) -> None:
     assert np.max(np.abs(run["energy_balance"])) < 1e-10 * run["energy"][0]
 
 
+@pytest.mark.variants(core=0)
 def test_moved_support_against_newton(folder: Path) -> None:
     """The mass at y = x + σ(t) by hand, d(γ m ẏ)/dt = −k (y − σ), by SciPy."""
     wave = operator("Sinusoid", amplitude=0.4, angular_frequency=3.0)

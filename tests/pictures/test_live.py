@@ -751,6 +751,7 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Fmu, tmp_path: Path) 
     ("zig", "cure"),
     [(None, r"as our native FMUs have them: pip install 'liaisons\[cross\]'"), (["zig"], "as our FMUs have them")],
 )
+@pytest.mark.variants(core=0)
 def test_an_fmu_without_sources(fmu: Fmu, monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str) -> None:
     """Such as are built where there is no compiler."""
     monkeypatch.setattr("liaisons.live.page.zig_compiler", lambda: zig)

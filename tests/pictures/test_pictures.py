@@ -160,6 +160,7 @@ def test_turned_and_circle_are_right_handed() -> None:
 
 
 @pytest.mark.parametrize("name", ["Bricard", "FourBar"])
+@pytest.mark.variants(core=0)
 def test_rods_of_a_loop_meet_where_its_last_joint_closes_it(name: str, moved: Moved) -> None:
     seen = shown(moved(name))
     ends, balls = (
