@@ -76,13 +76,13 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
     """One of them has no room for the FMUs."""
 
     def spoil(address: str, dask_worker) -> None:
-        from liaisons.cosim.instances import extract_fmus
+        from liaisons.base.folders import temporary_folder
         from liaisons.sweeps import cluster
 
         def full(*_: object) -> None:
             raise OSError(errno.ENOSPC, "No space left on device")
 
-        cluster.extract_fmus = full if address in {dask_worker.address, "all"} else extract_fmus
+        cluster.temporary_folder = full if address in {dask_worker.address, "all"} else temporary_folder
 
     here = sweep(pendulum, CASES, ["theta"], **SPAN)
     client.wait_for_workers(2, timeout=60)  # one has just been killed
