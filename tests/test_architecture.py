@@ -90,7 +90,6 @@ def test_layers() -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.variants(core=0)
 def test_dataclasses_are_frozen() -> None:
     """But for these, to which their makers add."""
     changing = {"_Node", "_Elements", "Section", "Drawing", "_Link", "_Piece"}

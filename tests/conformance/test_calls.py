@@ -79,7 +79,6 @@ def test_calls_in_every_phase(library, version, kind, column) -> None:
 
 
 @pytest.mark.parametrize("column", ["g", "s"])
-@pytest.mark.variants(core=0)
 def test_calls_inside_a_step(library, column) -> None:
     found = {}
 

@@ -480,7 +480,6 @@ def _check_pair(
 
 
 @pytest.mark.parametrize("names", [("table", "bar"), ("lever", "ball")])
-@pytest.mark.variants(core=0)
 def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
     random = np.random.default_rng(1)
     pairs = [_random_parts(names, random) for _ in range(3)]

@@ -433,7 +433,6 @@ def test_fits_go_through_impacts_and_stick_slip(subject: str, signal: str, value
         assert abs(fit.values[name] - value) < 4 * deviation < 0.01
 
 
-@pytest.mark.variants(core=0)
 def test_jax_has_the_same() -> None:
     jax = pytest.importorskip("jax")
     with jax.enable_x64(True):

@@ -95,7 +95,6 @@ def test_derivatives_of_the_states_that_are_wrong_are_named(made: Made) -> None:
 
 
 @pytest.mark.parametrize("exact", [True, False])
-@pytest.mark.variants(core=0)
 def test_measured_inputs_drive(made: Made, exact: bool) -> None:
     """x' = -k x + u: of a spline through a sine, whose error is its own."""
     followed = Exchange(

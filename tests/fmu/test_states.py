@@ -98,7 +98,6 @@ sys.stdout.buffer.write(b"".join(run(instance, 5, 15)))
 
 
 @pytest.mark.parametrize("instance", ["interpolate", "symplectic"], indirect=True)  # which have most to remember
-@pytest.mark.variants(core=0)
 def test_state_lives_on_in_a_fresh_process(instance) -> None:
     run(instance, 0, 5)
     content = instance.serialize()

@@ -422,7 +422,6 @@ def test_what_is_not_determined_stays_where_it_was() -> None:
     assert fit.sentences == ("mass: not determined at all by theta", "mass is held at 1")
 
 
-@pytest.mark.variants(core=0)
 def test_values_of_arrays() -> None:
     times = np.linspace(0, 2, 21)
     names = [f"theta[{i}]" for i in range(1, 11)]

@@ -149,7 +149,6 @@ def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
 # ---- the same physics, described otherwise -------------------------------------------------------------------------
 
 
-@pytest.mark.variants(core=0)
 def test_two_links_are_the_double_pendulum(sized, fmu) -> None:
     """Moving pivot, a force on one angle, a load on the lower bob; all common outputs, over two seconds: κ < 100."""
     parameters: Values = {"mass": 1.3, "length": 0.8}

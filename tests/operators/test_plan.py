@@ -175,7 +175,6 @@ def test_a_plan_is_the_guess_of_the_next() -> None:
     assert second.cost - first.cost == pytest.approx(-0.01 * slope, rel=0.2)  # J is convex near 0, not linear
 
 
-@pytest.mark.variants(core=0)
 def test_a_cat_in_space_turns_by_half_at_a_constant_bend() -> None:
     """Φ = 2π J c/(I s² + J c²) of a loop at constant bend; where the halves are in line the azimuth says nothing."""
     goal: dict[str, Any] = {"start": {"bend": (0.3, 2.8)}, "bounds": {"bend": (0.3, 2.8)}, "duration": 1.0}
@@ -626,7 +625,6 @@ def test_a_time_limit_is_kept_by_verdicts_too() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(1e3, 1e-3, 1e3), (1e-3, 1e3, 1e-3)])
-@pytest.mark.variants(core=0)
 def test_nothing_depends_on_units(sizes: tuple[float, float, float]) -> None:
     mass, length, time = sizes
     end = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5 * length, "pivot_x_dot": 0}

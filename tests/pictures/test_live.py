@@ -216,7 +216,6 @@ def test_each_slider_moves_its_own_coordinate(opened: Opened) -> None:
 
 
 @in_a_browser
-@pytest.mark.variants(core=0)
 def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
     with opened("Satellite") as live:
         for yaw, pitch in ((-0.6, 0.35), (0.9, -0.4)):
@@ -481,7 +480,6 @@ def test_one_signal_over_another(opened: Opened) -> None:
 
 
 @in_a_browser
-@pytest.mark.variants(core=0)
 def test_presets_suit_what_they_move(opened: Opened) -> None:
     """Pumped twice a period a pendulum swings ever higher; shaken fast enough it stands upright on its pivot."""
     with opened("Pendulum") as live:
@@ -539,7 +537,6 @@ def test_a_telephone(opened: Opened) -> None:
 
 
 @in_a_browser
-@pytest.mark.variants(core=0)
 def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_path: Path) -> None:
     fmus = [fmu(catalogue()[name]) for name in ("Pendulum", "DoublePendulum", "Pendulum")]
     with tools.opened(browser, show(*fmus, path=tmp_path / "x.html").path) as live:
@@ -685,7 +682,6 @@ class _Toy(Mechanism):
 
 
 @in_a_browser
-@pytest.mark.variants(core=0)
 def test_text_of_an_fmu_is_text(opened: Opened, fmu: Fmu, tmp_path: Path) -> None:
     quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
     name = rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted
