@@ -9,10 +9,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons import Result, Verdict, verdict
 from liaisons.base.arguments import check_finite, shown
-from liaisons.check import Verdict, slope, verdict
+from liaisons.check import slope
 from liaisons.errors import ValidityError
-from liaisons.results import Result
 
 
 @final

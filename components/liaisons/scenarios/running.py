@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
+from liaisons import Verdict
 from liaisons.base.arguments import shown
 from liaisons.base.project import ProjectError, load_module, relative_to_working_directory
-from liaisons.check import Verdict, table
+from liaisons.check import table
 from liaisons.errors import suggestion
 from liaisons.scenario_files import figures_directory, scenario_files
 from liaisons.scenarios.claims import Claims
