@@ -1,5 +1,8 @@
 from . import analysis as analysis
+from . import formulas as formulas
+from . import live as live
 from . import pictures as pictures
+from . import ssp as ssp
 from .base.version import __date__ as __date__
 from .base.version import __version__ as __version__
 from .chains import Chain as Chain
@@ -35,7 +38,6 @@ from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate
 from .interface import start as start
-from .interface import sweep as sweep
 from .interface import tabulated as tabulated
 from .language import ActiveCoordinate as ActiveCoordinate
 from .language import Ball as Ball
@@ -91,6 +93,7 @@ from .linkages import SpringDamper as SpringDamper
 from .linkages import Universal as Universal
 from .linkages import Weld as Weld
 from .linkages import ground as ground
+from .live import LivePage as LivePage
 from .mechanics import assemble as assemble
 from .modelica_text import modelica as modelica
 from .planning import Plan as Plan
@@ -98,4 +101,5 @@ from .planning import plan as plan
 from .results import Result as Result
 from .sweeps import grid as grid
 from .sweeps import sample as sample
+from .sweeps import sweep as sweep
 from .typed_formulas import formula_signal as formula_signal

@@ -1,6 +1,7 @@
 """The public functions that take components: the FMU of a name, file or class is built if need be.
 
-The layers below take FMU files; what is registered here lets them take components, too.
+The layers below take FMU files; what is registered here lets them take components, too.  Archives, live pages and
+formulas are reached by their public names, which are imported when they are first asked for.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons import live, ssp
+import liaisons
 from liaisons.base import cache
 from liaisons.base.arguments import as_path, check_finite, merged_start_values, name_dictionary, name_list
 from liaisons.base.folders import process_folder
@@ -24,10 +25,9 @@ from liaisons.base.project import ProjectError
 from liaisons.cosim import Linearization, OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
 from liaisons.library import Target, component, composed_model, flatten, fmu_file, is_target
-from liaisons.sweeps import sweep
 
 if TYPE_CHECKING:
-    from liaisons.formulas import DisplayedEquations
+    from liaisons import DisplayedEquations, LivePage
     from liaisons.mechanics import Model
 
 __all__ = [
@@ -38,7 +38,6 @@ __all__ = [
     "show",
     "simulate",
     "start",
-    "sweep",
     "tabulated",
     "with_table",
 ]
@@ -47,7 +46,16 @@ MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
-register(Services(fmu_file, ssp.read_document, ssp.write, flatten))
+
+def _read_archive(path: Path | str, *arguments: Any) -> Any:
+    return liaisons.ssp.read_document(path, *arguments)
+
+
+def _write_archive(*arguments: Any, **settings: Any) -> None:
+    liaisons.ssp.write(*arguments, **settings)
+
+
+register(Services(fmu_file, _read_archive, _write_archive, flatten))
 
 
 def show(
@@ -57,7 +65,7 @@ def show(
     path: Path | str | None = None,
     start_values: Mapping[str, object] | None = None,
     **keywords: object,
-) -> live.LivePage:
+) -> LivePage:
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
 
     :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system,
@@ -87,14 +95,14 @@ def show(
         or isinstance(target, Path)
         or not (two_way := [c for c in target.connections if c.is_reaction or c.is_impulse])
     ):
-        return live.write_live_page(target, page, starts)
+        return liaisons.live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:
             whole = flatten(target, folder)
         except SimulationError as error:
             words = f"show: {target.name}: a force goes back by {two_way[0]}, so that its page is one FMU, by flatten()"
             raise SimulationError(f"{words}: {error}") from error
-        return live.write_live_page(whole, page or live.default_page_path(target), {})
+        return liaisons.live.write_live_page(whole, page or liaisons.live.default_page_path(target), {})
 
 
 def _unconnected_system(subjects: list[Path | System]) -> System:
@@ -117,12 +125,13 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
     :raises ComponentError: if it cannot be derived.
     :raises SimulationError: if a system cannot be flattened.
     """
-    from liaisons.formulas import of_component, of_model
     from liaisons.mechanics import Model
 
     if isinstance(subject, System):
-        return of_model(composed_model(subject))
-    return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
+        return liaisons.formulas.of_model(composed_model(subject))
+    if isinstance(subject, Model):
+        return liaisons.formulas.of_model(subject)
+    return liaisons.formulas.of_component(component(subject))
 
 
 def operator(
@@ -173,7 +182,7 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
     copy = process_folder() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
     if not copy.exists():
         copy.parent.mkdir()
-        copy.write_bytes(ssp.fmu_with_table(fmu, table))
+        copy.write_bytes(liaisons.ssp.fmu_with_table(fmu, table))
         cache.add_trusted_fmu(cache.digest(copy))
     return copy
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import typer.main
 
+from liaisons import equations
 from liaisons.cli._command import application
 from liaisons.cli._texts import requested_component, requested_scenarios
 from liaisons.companion import entries
-from liaisons.interface import equations
 from liaisons.library import catalogue
 from liaisons.scenario_files import scenario_files
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 import liaisons
 from liaisons.base.arguments import as_path, name_list
 from liaisons.errors import SimulationError
-from liaisons.results import tables
 from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
@@ -64,6 +63,8 @@ class Result(LabelledSignals):
         :param plain: leaves out units and notes, which FMPy's ``--input-file`` cannot read.
         :raises SimulationError: if it cannot be written.
         """
+        from liaisons.results import tables
+
         tables.write_csv(self, as_path("to_csv", path), plain=plain)
 
     @classmethod
@@ -72,6 +73,8 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
+        from liaisons.results import tables
+
         return cls(**tables.read(as_path("from_csv", path), "to_csv"))
 
     def to_parquet(self, path: Path | str) -> None:
@@ -82,6 +85,8 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if it cannot be written, or PyArrow is missing.
         """
+        from liaisons.results import tables
+
         tables.write_parquet(self, as_path("to_parquet", path))
 
     @classmethod
@@ -90,6 +95,8 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if it cannot be read, or PyArrow is missing.
         """
+        from liaisons.results import tables
+
         return cls(**tables.read(as_path("from_parquet", path), "to_parquet"))
 
     def to_pandas(self) -> Any:
@@ -97,6 +104,8 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if pandas is missing (``pip install 'liaisons[pandas]'``).
         """
+        from liaisons.results import tables
+
         return tables.data_frame(self)
 
     def to_xarray(self) -> Any:
@@ -107,6 +116,8 @@ class Result(LabelledSignals):
 
         :raises SimulationError: if xarray is missing (``pip install 'liaisons[xarray]'``).
         """
+        from liaisons.results import tables
+
         return tables.dataset(self)
 
     def plot(
@@ -169,6 +180,8 @@ class Result(LabelledSignals):
         :param most: largest number of rows; None: all.
         :param few: arrays of more elements have one row.
         """
+        from liaisons.results import tables
+
         return tables.summary(self, most, few)
 
     def _repr_html_(self) -> str:

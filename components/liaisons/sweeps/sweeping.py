@@ -11,6 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+import liaisons
 from liaisons.base.arguments import as_path, check_integer, check_positive, name_dictionary
 from liaisons.base.arrays import Floats
 from liaisons.base.logs import Warnings, logger
@@ -148,7 +149,7 @@ def _checked_study(
 ) -> Study:
     """Study of a sweep, with checked names, settings, and start values of the first case."""
     _check_names(cases, keep, starts)
-    if not isinstance(subject, System):
+    if not isinstance(subject, liaisons.System):  # the public class, which knows components by their names
         document = SystemDocument.of_fmu(subject, starts)
     elif starts:
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
