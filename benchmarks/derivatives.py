@@ -2,7 +2,8 @@
 
     python benchmarks/derivatives.py [--quick]
 
-Whole calls of :class:`liaisons.derivatives.DifferentiableMotion` whose steps are frozen, in processor time: forward by
+Whole calls of :class:`liaisons_motion.derivatives.DifferentiableMotion` whose steps are frozen, in processor time:
+forward by
 three values, and the gradient of a number backwards by one hundred start values of a chain, by the side of a run that
 calculates no derivatives.  Outputs are the coordinates and momenta at 200 times.  The compiler is not part of it.
 
@@ -19,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from _measure import Row, command, interleaved
 
-from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
+from liaisons_motion.derivatives import DifferentiableMotion, motion_of
 
 LINKS = 50
 FORWARD = {

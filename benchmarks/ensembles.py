@@ -3,8 +3,8 @@
     python benchmarks/ensembles.py [--quick]
 
 One RK4 step of one member on one core, by CasADi's C (compiled as for an FMU, in a C loop over the members) and by
-:mod:`liaisons.ensembles`, in processor time.  Both have the same right-hand side, the same constants folded into it,
-and the same states.
+:mod:`liaisons_motion.ensembles`, in processor time.  Both have the same right-hand side, the same constants folded into
+it, and the same states.
 
 Then what a user calls, :func:`liaisons.ensemble`, for 200 000 members and 1000 steps, on all cores beside one, by the
 clock on the wall: the machine has to be idle.  What it does before and after its steps (derivation, arrays) is part
@@ -26,10 +26,10 @@ import numpy as np
 from _measure import Row, command, interleaved
 
 from liaisons.base.compiler import compile_library, host_target
-from liaisons.ensembles import ensemble
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
-from liaisons.right_hand_sides import LANES, METHODS, RightHandSide, compiled_advance, continuous_model
+from liaisons_motion.ensembles import ensemble
+from liaisons_motion.right_hand_sides import LANES, METHODS, RightHandSide, compiled_advance, continuous_model
 
 MEMBERS = 64 * LANES
 STEP = 0.001

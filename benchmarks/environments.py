@@ -20,7 +20,7 @@ import numpy as np
 from _measure import Row, command, interleaved
 
 from liaisons import Coordinate, Gravity, Mechanism, Parameter
-from liaisons.gymnasium import Environment, VectorEnvironment
+from liaisons_motion.gymnasium import Environment, VectorEnvironment
 
 COPIES = 4096
 DURATION = 100.0  # [s]

@@ -32,7 +32,7 @@ from liaisons.base.arrays import Floats
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
-from liaisons.sweeps import sample, sweep
+from liaisons_tools.sweeps import sample, sweep
 
 STOP = 10.0
 CORES = os.cpu_count() or 1

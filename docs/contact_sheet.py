@@ -21,10 +21,10 @@ from matplotlib.figure import Figure
 from liaisons import Result, operator, show, simulate
 from liaisons.language import Operator
 from liaisons.library import catalogue
-from liaisons.pictures import motion_frames
-from liaisons.pictures.drawing import add_empty_polygons, draw_faces
-from liaisons.pictures.frames import RATE, Frames
-from liaisons.pictures.stage import Stage
+from liaisons_pages.pictures import motion_frames
+from liaisons_pages.pictures.drawing import add_empty_polygons, draw_faces
+from liaisons_pages.pictures.frames import RATE, Frames
+from liaisons_pages.pictures.stage import Stage
 
 KINDS = ("gif", "png", "glb")
 """What ``animate`` writes; the live page, ``html``, comes from ``show``."""

@@ -1,8 +1,8 @@
 """The gallery: of each scenario its claim, figure, motion, verdicts and source, all from one run of them.
 
 sphinx-gallery would run the scripts one after the other and keep what matplotlib shows.  A scenario is a function that
-is given ``claim``, has verdicts and one figure, and may simulate for ten seconds; ``liaisons.scenarios`` hands all of
-it back, so that a scraper and a reset of one's own would be as long as this file, and would use one core.
+is given ``claim``, has verdicts and one figure, and may simulate for ten seconds; ``liaisons_tools.scenarios`` hands
+all of it back, so that a scraper and a reset of one's own would be as long as this file, and would use one core.
 
 ``sphinx-build -D scenarios=kepler,helix docs docs/_build/html`` runs only these.
 """
@@ -30,9 +30,9 @@ from liaisons.cosim import system
 from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
 from liaisons.library import catalogue
-from liaisons.pictures import motion_page
 from liaisons.scenario_files import read_gallery, scenario_files
-from liaisons.scenarios import execute, load
+from liaisons_pages.pictures import motion_page
+from liaisons_tools.scenarios import execute, load
 
 TITLES: dict[str, str] = read_gallery()["titles"]
 THEMES = {theme["title"]: theme["scenarios"] for theme in read_gallery()["themes"].values()}

@@ -14,9 +14,20 @@ from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
 import liaisons
-import liaisons.cli.text
-from liaisons.cli import check, compare, components, equations, identify, new, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
-from liaisons.cli._command import application
+from liaisons_tools.cli import (  # noqa: F401  # the commands
+    check,
+    compare,
+    components,
+    equations,
+    identify,
+    new,
+    pictures,
+    plan,
+    run,
+    simulate,
+    sweep,
+)
+from liaisons_tools.cli._command import application
 
 ELSEWHERE = [r"(numpy|casadi|ca|np|jax|pandas|xarray|matplotlib|scipy|distributed|collections|fmpy)\b.*"]
 """Objects of other packages, whose pages are not fetched."""

@@ -1,4 +1,4 @@
-"""Both texts, number by number: ``reference/texts.md``, made from ``liaisons.companion``."""
+"""Both texts, number by number: ``reference/texts.md``, made from ``liaisons_pages.companion``."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from docutils import nodes
 from sphinx import addnodes
 
 import liaisons
-from liaisons import analysis, language, mechanics, models
+from liaisons import language, mechanics, models
 from liaisons.base.project import load_module
-from liaisons.companion import TITLES, Entry, entries, sections
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
 from liaisons.scenario_files import read_gallery, scenario_files
+from liaisons_motion import analysis
+from liaisons_pages.companion import TITLES, Entry, entries, sections
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

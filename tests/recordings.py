@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from liaisons import LiaisonsError, Result, fmu_path, simulate
 from liaisons.library import component, component_names, model
-from liaisons.scenarios import Claims, load, names
+from liaisons_tools.scenarios import Claims, load, names
 
 STOP, STEP, AMPLITUDE, FREQUENCY = 1.0, 0.02, 0.02, 3.0
 """Of the runs of components [s, s, unit of the coordinate, rad/s]: small enough for every domain of the catalogue."""

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def python(code: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("line", ["from liaisons import System, simulate, verdict", "import liaisons.scenarios"])
+@pytest.mark.parametrize("line", ["from liaisons import System, simulate, verdict", "import liaisons_tools.scenarios"])
 def test_simulating_imports_neither_symbols_nor_diagrams(line: str) -> None:
     assert python(f"import sys; {line}; print({{'casadi', 'matplotlib'}} & set(sys.modules))") == "set()\n"
 
@@ -144,12 +145,54 @@ def test_the_map_for_newcomers_names_what_is_there() -> None:
     storeys = [set(line.partition("  ")[0].split()) for line in block.splitlines()]
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contracts = settings["tool"]["importlinter"]["contracts"]
-    layers = [set(layer.split(" | ")) for contract in contracts for layer in contract.get("layers", ())]
+    full = [layer.split(" | ") for contract in contracts for layer in contract.get("layers", ())]
+    layers = [{name.partition(".")[2] for name in layer} for layer in full]
     order = [number for storey in storeys for number, layer in enumerate(layers) if storey <= layer]
     assert len(order) == len(storeys)
     assert order == sorted(order)
-    packages = {module.name for module in pkgutil.iter_modules(liaisons.__path__) if module.ispkg}
-    assert packages <= set().union(*storeys)
+    assert {*rooms()} - {*older_names()} == {name for layer in full for name in layer}
+
+
+def rooms() -> set[str]:
+    """Packages and modules of the kernel and of the wings, by their whole names."""
+    folders = [path for path in (ROOT / "components").iterdir() if (path / "__init__.py").exists()]
+    inside = {path for folder in folders for path in (*folder.glob("*/__init__.py"), *folder.glob("[!_]*.py"))}
+    names = {path.parent if path.stem == "__init__" else path.with_suffix("") for path in inside}
+    return {f"{path.parent.name}.{path.name}" for path in names if path.parent.name != "liaisons_catalogue"}
+
+
+def older_names() -> dict[str, str]:
+    """The table of components/README.md: older name of a room -> its name."""
+    text = (ROOT / "components/README.md").read_text(encoding="utf-8").partition("## Older names")[2]
+    return dict(re.findall(r"^\| `(liaisons\.\w+)` \| `([\w.]+)` \|$", text, re.MULTILINE))
+
+
+def test_rooms_of_wings_have_their_older_names() -> None:
+    """A module by its older name is the module, not a copy."""
+    assert len(older_names()) >= 17
+    for old, new in older_names().items():
+        text = (ROOT / "components" / old.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
+        assert f"``{new}``" in text
+        assert "rename(__name__, " in text
+    assert import_module("liaisons.planning.plans") is import_module("liaisons_motion.planning.plans")
+    assert import_module("liaisons.planning").plan is import_module("liaisons_motion.planning").plan
+
+
+def test_a_room_is_entered_by_its_door() -> None:
+    """Each room of the kernel and of the wings has a contract in tests/walls.toml, without exceptions."""
+    walls = tomllib.loads((ROOT / "tests/walls.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    packages = {room for room in rooms() if (ROOT / "components" / room.replace(".", "/")).is_dir()}
+    protected = {module.removesuffix(".*") for contract in walls for module in contract["protected_modules"]}
+    assert packages - {*older_names()} - {"liaisons.base"} <= protected
+    assert not any("ignore_imports" in contract for contract in walls)
+    done = subprocess.run(
+        [Path(sys.executable).parent / "lint-imports", "--no-cache", "tests/walls.toml"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.variants(core=0)

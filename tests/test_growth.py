@@ -17,9 +17,9 @@ from liaisons.cosim.description.model_description import parse
 from liaisons.cosim.description.start_values import start_values
 from liaisons.fmu import model_description
 from liaisons.fmu.code import model_code
-from liaisons.fmu_pages.page import index_page
 from liaisons.mechanics import Model, assemble
 from liaisons.models import OscillatorChain
+from liaisons_pages.fmu_pages.page import index_page
 
 SMALL, LARGE = 30, 1200
 MOST = 4

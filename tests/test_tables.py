@@ -17,12 +17,12 @@ from liaisons import System, simulate
 from liaisons.base.tables import read_table
 from liaisons.base.units import size_in_si
 from liaisons.check import compare
-from liaisons.cli._inputs import _checked_columns, _input_table
 from liaisons.errors import IdentificationError, SimulationError, ValidityError
-from liaisons.identification.measurements import measurements, table_of
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 from liaisons.results import Result
+from liaisons_motion.identification.measurements import measurements, table_of
+from liaisons_tools.cli._inputs import _checked_columns, _input_table
 
 PAGE = Path(__file__).parents[1] / "docs/reference/tables.md"
 TIMES, LENGTHS = [0.0, 0.5, 1.0], [1.0, 1.25, 1.125]

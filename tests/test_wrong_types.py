@@ -43,7 +43,7 @@ from liaisons import (
 from liaisons.check import slope, table
 from liaisons.cosim import Settings
 from liaisons.models import Constant, Pendulum
-from liaisons.scenarios import Claims, scenario, within
+from liaisons_tools.scenarios import Claims, scenario, within
 
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
@@ -192,7 +192,7 @@ def test_wrong_types_are_our_errors_in_one_line(things: Things, name: str) -> No
 @pytest.fixture(scope="module")
 def objects(things: Things) -> Iterator[dict[str, Any]]:
     """An object of each public class that has methods."""
-    from liaisons.gymnasium import Environment
+    from liaisons_motion.gymnasium import Environment
 
     upright = {"theta": np.pi, "pivot_x": 0.0}
     task: dict[str, Any] = {"observe": ["theta"], "act": {"pivot_x_ddot": (-5, 5)}, "reward": "1", "step_size": 0.02}

@@ -4,11 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Friction, Mechanism
 from liaisons.mechanics import derive
 from liaisons.models import CATALOGUE, CircularHoop, Pendulum
+from liaisons_motion import analysis
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1
 HOOP = {"xi": 0.7, "beta": 0.2, "p_xi": 1.3, "beta_dot": 0.9, "mass": 0.8, "hoop_inertia": 0.3}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from liaisons.analysis import MomentumMap, momentum_map, noether
 from liaisons.errors import ComponentError
 from liaisons.models import ChargedParticle, FreeParticle, KeplerOrbit, PlanarOscillator, Satellite
+from liaisons_motion.analysis import MomentumMap, momentum_map, noether
 
 AXES = "xyz"
 # {J_x, J_y} = -J_z in K's sign, {p, q} = +1

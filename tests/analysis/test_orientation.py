@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Mechanism, Orientation, Parameter
 from liaisons.models import Satellite
+from liaisons_motion import analysis
 
 QUATERNION, RATES, MOMENTA = (list(names) for names in (Orientation.quaternion, Orientation.rates, Orientation.momenta))
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1

@@ -4,7 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import analysis
 from liaisons.language import Friction, Mechanism
 from liaisons.mechanics import derive
 from liaisons.models import (
@@ -13,6 +12,7 @@ from liaisons.models import (
     Oscillator,
     Pendulum,
 )
+from liaisons_motion import analysis
 
 ROUNDING = 1e-12  # algebra in doubles: a few hundred operations on numbers of order 1 to 10
 FLOW = 1e-9  # integration at tolerance 1e-11, amplification below 10, and determinants of entries below 10

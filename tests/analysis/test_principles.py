@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import analysis
 from liaisons.check import slope
 from liaisons.models import CartesianPendulum, Oscillator
+from liaisons_motion import analysis
 
 MASS, STIFFNESS = 0.5, 2.0  # ω = 2 rad/s: conjugate points every π/2 s
 BODY: dict[str, Any] = {"mass": MASS, "stiffness": STIFFNESS}

@@ -7,7 +7,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Mechanism
 from liaisons.models import (
@@ -22,6 +21,7 @@ from liaisons.models import (
     PlanarCat,
     Satellite,
 )
+from liaisons_motion import analysis
 
 T = np.linspace(0.0, 1.0, 5)
 PATH = {"x": T, "x_dot": 0 * T + 1}

@@ -8,7 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, rheonomic_constraint
-from liaisons.analysis import (
+from liaisons.errors import ComponentError
+from liaisons.mechanics import derive
+from liaisons.models import CartesianPendulum, IsokineticOscillator, Pendulum, PlanarCat
+from liaisons_motion.analysis import (
     active_energy,
     active_hamiltonian,
     dynamic_field,
@@ -17,9 +20,6 @@ from liaisons.analysis import (
     holonomy,
     kinetic_connection,
 )
-from liaisons.errors import ComponentError
-from liaisons.mechanics import derive
-from liaisons.models import CartesianPendulum, IsokineticOscillator, Pendulum, PlanarCat
 
 ROUNDING = 1e-12  # some hundred operations on numbers of order 1, and the square root in the length
 

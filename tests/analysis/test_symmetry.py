@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, analysis, constraint, unchecked
+from liaisons import Coordinate, Mechanism, Parameter, constraint, unchecked
 from liaisons.errors import ComponentError
 from liaisons.models import (
     ChargedParticle,
@@ -18,6 +18,7 @@ from liaisons.models import (
     PlanarOscillator,
     PolarOscillator,
 )
+from liaisons_motion import analysis
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1 to 10
 

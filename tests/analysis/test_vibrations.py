@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from liaisons import analysis
 from liaisons.models import (
     Flywheel,
     LinearMolecule,
     Oscillator,
     Swing,
 )
+from liaisons_motion import analysis
 
 ROUNDING = 1e-12  # diagonalisation of matrices of order 3 and condition below 100
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pytest
 
 from liaisons import Result
-from liaisons.cli import main
+from liaisons_tools.cli import main
 
 BEAD = '''\
 """Two components of a user."""
@@ -115,7 +115,7 @@ def bead(tmp_path: Path) -> Path:
     return path
 
 
-COMMAND = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+COMMAND = [sys.executable, "-c", "from liaisons_tools.cli import main; raise SystemExit(main())"]
 """``liaisons`` as a process of its own."""
 
 

@@ -12,8 +12,8 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 from liaisons.base.project import ProjectError
-from liaisons.cli.components import declared_components
 from liaisons.library import catalogue, catalogue_names, fmu_path
+from liaisons_tools.cli.components import declared_components
 
 from .conftest import COMMAND, Cli, Runs, is_misuse
 from .documents import ROOT

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.cli._encoding import ascii_text
+from liaisons_tools.cli._encoding import ascii_text
 
 from .conftest import COMMAND, Cli
 from .test_run import write

@@ -9,8 +9,8 @@ import pytest
 
 from liaisons import Result, System
 from liaisons.check import verdict
-from liaisons.identification import Fit
 from liaisons.models import Pendulum
+from liaisons_motion.identification import Fit
 
 FIT = """
 subject = "Pendulum"

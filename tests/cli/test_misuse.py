@@ -208,6 +208,6 @@ def test_completion_knows_the_whole_catalogue() -> None:
 
 @pytest.mark.parametrize("words", [["--help"], ["simulate", "--help"], ["sweep", "--help"]])
 def test_help_waits_for_nothing_heavy(words: list[str]) -> None:
-    code = f"import sys; from liaisons.cli import main; main({words}); print(*sys.modules, file=sys.stderr)"
+    code = f"import sys; from liaisons_tools.cli import main; main({words}); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {"numpy", "scipy", "casadi", "fmpy", "matplotlib"}.isdisjoint(done.stderr.split())

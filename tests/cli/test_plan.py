@@ -6,7 +6,7 @@ import pytest
 
 from liaisons import System
 from liaisons.check import verdict
-from liaisons.planning import Plan
+from liaisons_motion.planning import Plan
 
 GOAL = """
 mechanism = "Pendulum"

@@ -285,7 +285,7 @@ def test_a_new_package_from_its_wheel(tmp_path: Path) -> None:
     place.runs("mv my_mechanics/tests tests && rm -r my_mechanics")  # nothing but what is installed
     place.runs("python -m pip install --quiet --no-deps dist/*.whl")
     assert "InclineBlock" in place.runs("liaisons list")
-    for command, _ in documents.console("components/liaisons/cli/new_package/README.md.in"):
+    for command, _ in documents.console("components/liaisons_tools/cli/new_package/README.md.in"):
         if command.startswith("liaisons"):
             place.runs(command)
     assert (place.folder / "figures" / "held_block.png").is_file()

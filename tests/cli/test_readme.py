@@ -14,11 +14,11 @@ import pytest
 import typer.main
 from PIL import Image
 
-from liaisons.cli import main as command_line
-from liaisons.cli._command import application
 from liaisons.models import Pendulum
 from liaisons.scenario_files import scenario_files
-from liaisons.scenarios import names
+from liaisons_tools.cli import main as command_line
+from liaisons_tools.cli._command import application
+from liaisons_tools.scenarios import names
 
 from . import documents
 from .conftest import Cli
@@ -159,7 +159,7 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     for folder in (shipped, own):
         folder.mkdir()
     shutil.copy(ROOT / "scenarios" / "free_fall.py", shipped / "twice.py")
-    scenario = '"""Nothing is wrong."""\n\nfrom liaisons.scenarios import *\n\n\n@scenario\ndef main(claim):\n'
+    scenario = '"""Nothing is wrong."""\n\nfrom liaisons_tools.scenarios import *\n\n\n@scenario\ndef main(claim):\n'
     scenario += '    panels(("", "", ""))\n    claim("nothing", 0, 0, within(0, because="whole numbers"))\n'
     (shipped / "theirs.py").write_text(scenario)
     (shipped / "gallery.toml").write_text("[themes]\n")

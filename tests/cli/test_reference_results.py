@@ -12,10 +12,10 @@ import pytest
 from liaisons.base.archive import Archive
 from liaisons.base.related_files import FOLDER, related_files
 from liaisons.check import Verdict
-from liaisons.cli._reference_results import reference_verdicts
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import OscillatorChain, Satellite, Sinusoid
+from liaisons_tools.cli._reference_results import reference_verdicts
 
 from .conftest import Cli
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from liaisons.scenario_files import read_gallery
-from liaisons.scenarios import names
+from liaisons_tools.scenarios import names
 
 from .conftest import COMMAND, Cli, Runs, begun, is_misuse
 
@@ -21,7 +21,7 @@ SCENARIO = '''\
 More words, which are not the claim.
 """
 
-from liaisons.scenarios import panels, scenario, within
+from liaisons_tools.scenarios import panels, scenario, within
 
 
 @scenario
@@ -106,7 +106,7 @@ def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cl
         ('"""Twice', '"" and """Twice', "state its claim in the docstring"),
         ("@scenario\n", "@scenario\nclass main:\n    pass\n\n", "no function; decorate main(claim: Claims)"),
         ("some are not", 'some are not"))\n\nprint(("more', "arithmetic.py:9: main runs before what comes after it"),
-        ("from liaisons.scenarios import", "from liaisons.scenarios import no_such_name,", "no_such_name"),
+        ("from liaisons_tools.scenarios import", "from liaisons_tools.scenarios import no_such_name,", "no_such_name"),
     ],
 )
 def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new: str, hint: str) -> None:

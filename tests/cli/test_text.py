@@ -6,11 +6,11 @@ import pytest
 import typer.main
 
 from liaisons import equations
-from liaisons.cli._command import application
-from liaisons.cli._texts import requested_component, requested_scenarios
-from liaisons.companion import entries
 from liaisons.library import catalogue
 from liaisons.scenario_files import scenario_files
+from liaisons_pages.companion import entries
+from liaisons_tools.cli._command import application
+from liaisons_tools.cli._texts import requested_component, requested_scenarios
 
 from .conftest import Cli, Runs, is_misuse
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.companion import (
+from liaisons.errors import ProjectError
+from liaisons_pages.companion import (
     CITATION,
     completions,
     entries,
@@ -17,7 +18,6 @@ from liaisons.companion import (
     search_entries,
     sections,
 )
-from liaisons.errors import ProjectError
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = {

@@ -8,7 +8,7 @@ import unicodedata
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from liaisons.companion import entries, entries_of, unicode_text
+from liaisons_pages.companion import entries, entries_of, unicode_text
 
 
 @pytest.mark.parametrize(

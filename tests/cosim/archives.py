@@ -76,7 +76,7 @@ def _schema(kind: str, *, later: bool) -> XMLSchema:
 
 def outcome(archive: Path) -> str:
     """What ``liaisons simulate`` ends with."""
-    code = "from liaisons.cli import main; raise SystemExit(main())"
+    code = "from liaisons_tools.cli import main; raise SystemExit(main())"
     command = [sys.executable, "-c", code, "simulate", str(archive)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False)

@@ -152,7 +152,7 @@ def test_of_equations_in_a_coupled_step(tmp_path: Path, apart: bool) -> None:
 
 # ---- words: they do no harm in a terminal and fill no screen
 
-_LIAISONS = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+_LIAISONS = [sys.executable, "-c", "from liaisons_tools.cli import main; raise SystemExit(main())"]
 
 
 def test_no_control_characters_reach_the_terminal(fmu: FmuPaths) -> None:

@@ -17,7 +17,7 @@ from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.errors import ConnectError, SimulationError
-from liaisons.sweeps import sweep
+from liaisons_tools.sweeps import sweep
 
 HERE = Path(__file__).parent
 

@@ -28,12 +28,12 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="peak memory by 
 
 _MOST_MEMORY = 500e6  # bytes
 _UNIT = 1 if sys.platform == "darwin" else 1024  # of the peak memory that the system reports
-_LIAISONS = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+_LIAISONS = [sys.executable, "-c", "from liaisons_tools.cli import main; raise SystemExit(main())"]
 
 # Each archive is simulated by a process of its own, forked from this one, which has imported everything.
 _DRIVER = """
 import json, os, sys, traceback
-from liaisons import ssp
+from liaisons_exchange import ssp
 from liaisons.cosim import System, simulate
 from liaisons.errors import LiaisonsError
 
@@ -66,7 +66,7 @@ for path in iter(sys.stdin.readline, ""):
 # The same for commands, with their environment; the second stream is kept in a file.
 _COMMANDS_DRIVER = """
 import atexit, json, os, sys, traceback
-from liaisons.cli import check, main, simulate
+from liaisons_tools.cli import check, main, simulate
 
 for line in iter(sys.stdin.readline, ""):
     words, environment, errors = json.loads(line)

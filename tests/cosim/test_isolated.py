@@ -20,7 +20,7 @@ from making import FmuPaths, wait_for, wired
 from liaisons.cosim import IncompleteError, simulate
 from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
-from liaisons.sweeps import sweep
+from liaisons_tools.sweeps import sweep
 
 pytestmark = pytest.mark.skipif(not isolated.SUPPORTED, reason="Linux")
 APART: dict[str, Any] = {"isolated": True}

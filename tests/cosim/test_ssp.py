@@ -22,7 +22,7 @@ from making import FmuPaths, described, members
 from numpy.testing import assert_array_equal
 from schemas import validated
 
-from liaisons import System, ssp, start, sweep
+from liaisons import System, start, sweep
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim import DefaultExperiment, simulate
 from liaisons.cosim.description.fmu import read
@@ -31,6 +31,7 @@ from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
+from liaisons_exchange import ssp
 
 Form = Literal["portable", "full"]
 

@@ -18,8 +18,8 @@ import liaisons
 from liaisons import System
 from liaisons.cosim import SystemDocument, checked_simulation
 from liaisons.scenario_files import scenario_files
-from liaisons.scenarios import execute, load, names
-from liaisons.ssp import Form
+from liaisons_exchange.ssp import Form
+from liaisons_tools.scenarios import execute, load, names
 
 H, STEPS = 0.01, 20
 # the length of a pendulum, or of a swing, keeps its start value where fmpy sets 0 before the first step

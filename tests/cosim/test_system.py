@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons.cosim import IncompleteError, Interrupted, System, simulate
 from liaisons.errors import SimulationError
-from liaisons.sweeps import sweep
+from liaisons_tools.sweeps import sweep
 
 Coupling = Literal["gauss-seidel", "jacobi"]
 

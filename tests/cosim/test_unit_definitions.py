@@ -9,8 +9,8 @@ import pytest
 
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.xml_documents import parse
-from liaisons.ssp.connectors import add_units
-from liaisons.ssp.xml import unit_definitions
+from liaisons_exchange.ssp.connectors import add_units
+from liaisons_exchange.ssp.xml import unit_definitions
 
 KELVIN, CELSIUS, FAHRENHEIT = (
     UnitDefinition.from_attributes(name, {"K": "1", **attributes})

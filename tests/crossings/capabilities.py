@@ -44,10 +44,10 @@ from liaisons import (
 from liaisons.base.compiler import zig_compiler
 from liaisons.cosim import Result
 from liaisons.errors import SimulationError
-from liaisons.jax import motion
 from liaisons.language import Component
 from liaisons.library import fmu_file
-from liaisons.pictures import picture_frames
+from liaisons_motion.jax import motion
+from liaisons_pages.pictures import picture_frames
 
 PUSHED = ("mass", "Pendulum", "second", "ball")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
@@ -364,7 +364,7 @@ def _task(workshop: Workshop, kind: str) -> tuple[dict[str, Any], Callable[[floa
 
 
 def try_environment(workshop: Workshop, kind: str) -> None:
-    from liaisons.gymnasium import Environment
+    from liaisons_motion.gymnasium import Environment
 
     subject, (settings, act) = SUBJECTS[kind], _task(workshop, kind)
     by, value = subject.by
@@ -384,7 +384,7 @@ def try_environment(workshop: Workshop, kind: str) -> None:
 
 
 def try_vector_environment(workshop: Workshop, kind: str) -> None:
-    from liaisons.gymnasium import VectorEnvironment
+    from liaisons_motion.gymnasium import VectorEnvironment
 
     subject, (settings, act) = SUBJECTS[kind], _task(workshop, kind)
     by, value = subject.by

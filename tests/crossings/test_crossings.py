@@ -12,7 +12,8 @@ from line_names import NAMES
 from subjects import SUBJECTS
 
 from crossing_table import REFUSED, Cell, Trial, cells, groups, page, trials
-from liaisons import LiaisonsError, analysis
+from liaisons import LiaisonsError
+from liaisons_motion import analysis
 
 SLOW = {"wasm", "live_page", "vector_environment"}
 """They build FMUs of their own, which take seconds each; quick tests try one of them, and what is refused."""

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from liaisons.derivatives import subjects as motions
+from liaisons_motion.derivatives import subjects as motions
 
 DIGITS = 40
 DIFFERENCE = mp.mpf("1e-13")  # truncation 1e-26 of a third derivative, rounding 1e-40/1e-13

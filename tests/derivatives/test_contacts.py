@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-import liaisons.jax
+import liaisons_motion.jax
 from liaisons import (
     ActiveCoordinate,
     Coordinate,
@@ -27,9 +27,9 @@ from liaisons import (
     sensitivities,
     unilateral,
 )
-from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import SimulationError
 from liaisons.models import BouncingBall, DryOscillator
+from liaisons_motion.derivatives import Motion, motion_of
 
 mp = mpmath.mp.clone()
 mp.dps = 40
@@ -436,7 +436,7 @@ def test_fits_go_through_impacts_and_stick_slip(subject: str, signal: str, value
 def test_jax_has_the_same() -> None:
     jax = pytest.importorskip("jax")
     with jax.enable_x64(True):
-        ball = liaisons.jax.motion("BouncingBall", [0.3, 1.0, 2.0], record="height")
+        ball = liaisons_motion.jax.motion("BouncingBall", [0.3, 1.0, 2.0], record="height")
         found = jax.grad(lambda x: (ball(x)["height"] ** 2).sum())(BALL)
     expected = gradient(
         "BouncingBall",

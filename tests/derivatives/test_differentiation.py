@@ -11,8 +11,8 @@ import pytest
 from liaisons import Result, System, gradient, sensitivities
 from liaisons.base import compiler
 from liaisons.base.compiled_code import compiled_library
-from liaisons.derivatives.functions import motion_functions
 from liaisons.errors import BuildError, ComponentError, InvalidValueError, SimulationError, UnknownSignalError
+from liaisons_motion.derivatives.functions import motion_functions
 
 
 def test_derivatives_are_found_by_name() -> None:
@@ -95,7 +95,7 @@ def test_without_a_compiler_there_are_no_derivatives(monkeypatch: pytest.MonkeyP
 
 
 def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("liaisons.derivatives.compiled_steps._STEPS", 1000)
+    monkeypatch.setattr("liaisons_motion.derivatives.compiled_steps._STEPS", 1000)
     with pytest.raises(SimulationError, match=r"steps until t = .* s; stop earlier, or take a larger tolerance"):
         sensitivities("Pendulum", "theta_0", stop_time=1e4)
 

@@ -14,13 +14,13 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from liaisons import System, gradient, hold, sensitivities
-from liaisons.derivatives import DifferentiableMotion, motion_of
-from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.fmu import build
 from liaisons.library import catalogue, fmu_file
 from liaisons.mechanics import assemble
 from liaisons.models import BouncingBall, Pendulum
+from liaisons_motion.derivatives import DifferentiableMotion, motion_of
+from liaisons_motion.derivatives.fmus import FmuMotion, fmu_motion
 
 TIMES = np.linspace(0.25, 4.0, 16)
 
@@ -283,7 +283,7 @@ def test_refusals_name_what_is_wrong(made: Made, options: Any, message: str) -> 
 
 
 def test_what_is_stiff_says_so(made: Made, monkeypatch) -> None:
-    monkeypatch.setattr("liaisons.derivatives.fmus._MOST_CALLS", 10_000)
+    monkeypatch.setattr("liaisons_motion.derivatives.fmus._MOST_CALLS", 10_000)
     motion = motion_of(made(DAHLQUIST), "k", [1e3, 2e3], start_values={"k": 1.0})
     with pytest.raises(SimulationError, match="it may be stiff"):
         motion([1e6])

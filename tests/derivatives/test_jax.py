@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import liaisons.jax
+import liaisons_motion.jax
 from liaisons import LiaisonsError, assemble
-from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.models import PendulumChain
+from liaisons_motion.derivatives import DifferentiableMotion, motion_of
 
 TIMES = np.linspace(0, 2, 5)
 HOWTO = Path(__file__).parents[2] / "docs/howto/jax-and-pytorch.md"
@@ -44,13 +44,13 @@ def jax() -> Iterator[Any]:
 def test_both_modes_agree_with_differences(jax, component, values, keywords) -> None:
     test_util = pytest.importorskip("jax.test_util")
     values = {name: np.asarray(value, float) for name, value in values.items()}
-    motion = liaisons.jax.motion(component, TIMES, **keywords)
+    motion = liaisons_motion.jax.motion(component, TIMES, **keywords)
     for function in (motion, jax.jit(motion)):
         test_util.check_grads(function, (values,), order=1, modes=("fwd", "rev"))
 
 
 def test_mapped_and_compiled_is_one_by_one(jax) -> None:
-    motion = liaisons.jax.motion("Pendulum", TIMES, record="theta", theta_0=1.0)
+    motion = liaisons_motion.jax.motion("Pendulum", TIMES, record="theta", theta_0=1.0)
     lengths = np.array([0.5, 1.0, 2.0])
     together = jax.jit(jax.vmap(jax.jacfwd(motion), in_axes=({"length": 0, "gravity": None},)))
     slopes = together({"length": lengths, "gravity": 9.81})["theta"]
@@ -68,7 +68,7 @@ def test_forward_takes_one_run_and_reverse_one_adjoint(jax, monkeypatch) -> None
         monkeypatch.setattr(
             DifferentiableMotion, name, lambda *args, name=name, method=method: calls.append(name) or method(*args)
         )
-    motion = liaisons.jax.motion(assemble(PendulumChain, 4), TIMES, record="theta")
+    motion = liaisons_motion.jax.motion(assemble(PendulumChain, 4), TIMES, record="theta")
     start = {"theta_0": np.linspace(0.1, 0.4, 4)}
     jax.jacfwd(motion)(start)
     assert calls == ["forward"]
@@ -80,18 +80,18 @@ def test_forward_takes_one_run_and_reverse_one_adjoint(jax, monkeypatch) -> None
 @pytest.mark.usefixtures("jax")
 def test_without_values_it_is_the_motion_as_declared() -> None:
     run = motion_of("Pendulum", "theta_0", TIMES, record="theta")
-    signals = liaisons.jax.motion("Pendulum", TIMES, record="theta")({})
+    signals = liaisons_motion.jax.motion("Pendulum", TIMES, record="theta")({})
     np.testing.assert_array_equal(signals["theta"], run(run.values)[0])
 
 
 def test_32_bits_are_refused(jax) -> None:
-    motion = liaisons.jax.motion("Pendulum", TIMES)
+    motion = liaisons_motion.jax.motion("Pendulum", TIMES)
     with jax.enable_x64(False), pytest.raises(LiaisonsError, match=r"64 bits; call jax\.config\.update"):
         motion({"theta_0": 1.0})
 
 
 def test_bad_values_are_refused(jax) -> None:
-    motion = liaisons.jax.motion("Pendulum", TIMES)
+    motion = liaisons_motion.jax.motion("Pendulum", TIMES)
     with pytest.raises(LiaisonsError, match="theta_0"):
         motion({"theta_O": 1.0})
     with pytest.raises(LiaisonsError, match=r"^2 numbers for theta_0; give one for each$"):
@@ -105,7 +105,7 @@ def test_bad_values_are_refused(jax) -> None:
 def test_without_jax_an_error_says_what_to_install(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(LiaisonsError, match=r"pip install 'liaisons\[jax\]'"):
-        liaisons.jax.motion("Pendulum", TIMES)
+        liaisons_motion.jax.motion("Pendulum", TIMES)
 
 
 def test_pytorch_as_the_page_has_it() -> None:

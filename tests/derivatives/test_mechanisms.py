@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from liaisons.chains import Chain
-from liaisons.derivatives import motion_of
 from liaisons.language import Component, Operator, Sampled
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE
+from liaisons_motion.derivatives import motion_of
 
 # Contacts have events, through which SciPy does not go: test_contacts.py has their derivatives.
 MECHANISMS = [c for c in CATALOGUE if not issubclass(c, (Operator, Sampled)) and not contact_names(c)]

@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from liaisons import System
-from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import ComponentError, SimulationError
+from liaisons_motion.derivatives import Motion, motion_of
 
 TIMES = np.linspace(0.0, 4.0, 81)
 

@@ -54,7 +54,7 @@ def test_each_scenario_has_one_place(gallery: ModuleType) -> None:
 def test_a_claim_that_fails_has_no_page(gallery: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = tmp_path / "wrong.py"
     lines = [
-        '"""Two is one."""\n\nfrom liaisons.scenarios import Claims, panels, scenario, within\n\n\n@scenario',
+        '"""Two is one."""\n\nfrom liaisons_tools.scenarios import Claims, panels, scenario, within\n\n\n@scenario',
         'def main(claim: Claims) -> None:\n    panels(("", "", ""))',
         '    claim("2 is 1", 2.0, 1.0, within(0.5, because="no"))\n',
     ]

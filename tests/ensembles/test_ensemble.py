@@ -16,8 +16,6 @@ from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
 from liaisons.base.compiled_code import compiled_library
 from liaisons.check import slope
-from liaisons.ensembles import integrating, members
-from liaisons.ensembles.integrating import _step_halving_errors
 from liaisons.errors import BuildError, ComponentError, SimulationError
 from liaisons.language import Mechanism
 from liaisons.mechanics import assemble
@@ -33,7 +31,9 @@ from liaisons.models import (
     Ramp,
     Sinusoid,
 )
-from liaisons.right_hand_sides import METHODS, compiled_advance, continuous_model
+from liaisons_motion.ensembles import integrating, members
+from liaisons_motion.ensembles.integrating import _step_halving_errors
+from liaisons_motion.right_hand_sides import METHODS, compiled_advance, continuous_model
 
 ANGLES = np.linspace(0.2, 3.0, 37)  # no multiple of the lanes
 RATES = np.linspace(0.0, 9.0, 37)  # librations and rotations

@@ -14,8 +14,8 @@ from scipy.linalg import expm
 
 from liaisons import LiaisonsError, System
 from liaisons.errors import InvalidValueError, SimulationError
-from liaisons.gymnasium import Environment, VectorEnvironment
 from liaisons.models import Pendulum
+from liaisons_motion.gymnasium import Environment, VectorEnvironment
 
 REGISTERED = ["SwingUp", "FallingCat", "CraneShift", "TorqueFreeTurn"]
 SWING: dict[str, Any] = {

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from liaisons.base.array_names import suffixed_name
-from liaisons.fmu_pages.page import index_page
-from liaisons.fmu_pages.sources import bibliography
-from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble, derive, mechanism_equations
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
 from liaisons.reference_results import trajectory
 from liaisons_catalogue.pendulum_chain import PendulumChain
+from liaisons_pages.fmu_pages.page import index_page
+from liaisons_pages.fmu_pages.sources import bibliography
+from liaisons_pages.formulas import MathML, Notation, formula
 
 _FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
 

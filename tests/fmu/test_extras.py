@@ -24,12 +24,12 @@ from liaisons.fmu.archive import read_member
 from liaisons.fmu.extras import drawn_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
-from liaisons.fmu_pages.icon import SIZE
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
 from liaisons.mechanics import Model, assemble
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
 from liaisons.reference_results import FOLDER, INTERVALS, table_variables, trajectory
 from liaisons_catalogue.pendulum_chain import PendulumChain
+from liaisons_pages.fmu_pages.icon import SIZE
 
 SCHEMA = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema/fmi3/fmi3TerminalsAndIcons.xsd"))
 every_component = pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)

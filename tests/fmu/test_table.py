@@ -14,10 +14,11 @@ from driver import CO_SIMULATION, MODEL_EXCHANGE, Instance, Library
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly
 
-from liaisons import System, ssp, tabulated
+from liaisons import System, tabulated
 from liaisons.errors import SimulationError
 from liaisons.interface import MOST_KNOTS
 from liaisons.models import PlannedMotion, Sinusoid
+from liaisons_exchange import ssp
 
 NAMES = ("instant", "value", "rate", "acceleration")
 TRIPLE = ("y", "y_dot", "y_ddot")

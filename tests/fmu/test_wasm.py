@@ -22,13 +22,13 @@ from wasm_driver import WasmLibrary
 from wasm_wrapper import OURS, TOOLS, wrapper
 
 from liaisons.base import compiler
-from liaisons.cli import main
 from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.wasm import DRAFT
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
 from liaisons.models import BallRow, OscillatorChain, Pendulum
+from liaisons_tools.cli import main
 
 AGREEMENT = 1e-12  # of everything that can be read, in parts of the greatest number that it was, or of 1
 FAST = ["Pendulum", "OscillatorChain"]

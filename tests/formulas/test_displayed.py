@@ -17,11 +17,6 @@ from matplotlib.mathtext import MathTextParser
 
 from liaisons import derive, equations
 from liaisons.errors import LiaisonsError, ProjectError
-from liaisons.formulas import DisplayedEquations, Formula, Notation, formula
-from liaisons.formulas.latex import LaTeX
-from liaisons.formulas.symbolic import expression
-from liaisons.formulas.terms import Application, Name
-from liaisons.formulas.unicode import FIRM, SOFT, Unicode, width
 from liaisons.language import Mechanism
 from liaisons.mechanics import assemble, compose
 from liaisons.models import (
@@ -39,6 +34,11 @@ from liaisons.models import (
     SpatialCat,
     Swing,
 )
+from liaisons_pages.formulas import DisplayedEquations, Formula, Notation, formula
+from liaisons_pages.formulas.latex import LaTeX
+from liaisons_pages.formulas.symbolic import expression
+from liaisons_pages.formulas.terms import Application, Name
+from liaisons_pages.formulas.unicode import FIRM, SOFT, Unicode, width
 
 UNCONSTRAINED = [
     c

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.formulas import LAWS, Formula, MathML, Notation, Term, formula
-from liaisons.formulas.algebra import Algebra
-from liaisons.formulas.terms import Addition, Negative, summands
-from liaisons.formulas.writing import LONGEST
 from liaisons.mechanics import assemble
 from liaisons.models import CATALOGUE, PlanarCat
+from liaisons_pages.formulas import LAWS, Formula, MathML, Notation, Term, formula
+from liaisons_pages.formulas.algebra import Algebra
+from liaisons_pages.formulas.terms import Addition, Negative, summands
+from liaisons_pages.formulas.writing import LONGEST
 
 FUNCTIONS = {
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "tanh", "atan2", "sqrt")},

@@ -14,9 +14,9 @@ import pytest
 
 from liaisons import System, identify, simulate
 from liaisons.errors import IdentificationError
-from liaisons.identification import Fit
-from liaisons.identification.verifying import impact_sides
 from liaisons.models import BouncingBall, DryOscillator
+from liaisons_motion.identification import Fit
+from liaisons_motion.identification.verifying import impact_sides
 
 DROPPED = {"bounce": 0.8, "gravity": 9.7, "height_0": 1.0, "table": 0.05}
 RUBBED = {"mu_static": 0.3, "mu_sliding": 0.2, "stiffness": 10.0}

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from liaisons import identify, simulate
-from liaisons.identification.minimising import minimise
+from liaisons_motion.identification.minimising import minimise
 
 SEEDS = 1000
 CASES = {

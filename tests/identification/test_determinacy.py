@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from liaisons import identify
-from liaisons.identification.determinacy import NullSpace, indeterminacy_sentences
 from liaisons.models import Pendulum
+from liaisons_motion.identification.determinacy import NullSpace, indeterminacy_sentences
 
 NAMES = ["a", "b", "c", "d"]
 VALUES = np.array([2.0, 0.7, 1.3, 3.1])

@@ -9,11 +9,11 @@ import pytest
 
 from liaisons import identify
 from liaisons.chains import Chain
-from liaisons.derivatives import motion_of
 from liaisons.language import Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names
+from liaisons_motion.derivatives import motion_of
 
 PAGE = Path(__file__).parents[2] / "docs/reference/determined.md"
 HEAD = """# What measurements determine

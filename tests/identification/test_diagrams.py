@@ -11,9 +11,9 @@ from scipy.stats import chi2
 
 from liaisons import Result
 from liaisons.errors import IdentificationError
-from liaisons.identification import Fit, identify
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
+from liaisons_motion.identification import Fit, identify
 
 SIGMA = 0.02
 

@@ -10,10 +10,10 @@ from scipy.stats import chi2
 
 from liaisons import identify, operator, simulate
 from liaisons.errors import IdentificationError
-from liaisons.identification import Fit
-from liaisons.identification.minimising import LOSSES
-from liaisons.identification.verifying import glejser_statistic, grubbs_bound, grubbs_ratio, residual_tests
 from liaisons.models import Oscillator, Pendulum
+from liaisons_motion.identification import Fit
+from liaisons_motion.identification.minimising import LOSSES
+from liaisons_motion.identification.verifying import glejser_statistic, grubbs_bound, grubbs_ratio, residual_tests
 
 TIMES = np.linspace(0.0, 6.0, 121)
 NOISE = 0.01
@@ -439,7 +439,7 @@ def test_more_unknowns_than_numbers() -> None:
 
 
 def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("liaisons.identification.minimising._MAX_EVALUATIONS", 1)
+    monkeypatch.setattr("liaisons_motion.identification.minimising._MAX_EVALUATIONS", 1)
     with pytest.raises(IdentificationError, match="give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], segments=1)
     assert error.value.fit.values["length"] == 1.0

@@ -11,11 +11,11 @@ import pytest
 from liaisons import System, identify, simulate
 from liaisons.base.units import size_in_si
 from liaisons.errors import IdentificationError
-from liaisons.identification.measurements import Measurements, measurements, noise_levels
-from liaisons.identification.problems import smoothed_values
 from liaisons.library.flattening import composed_model
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
+from liaisons_motion.identification.measurements import Measurements, measurements, noise_levels
+from liaisons_motion.identification.problems import smoothed_values
 
 MODEL = assemble(Pendulum)
 Reads = Callable[..., Measurements]

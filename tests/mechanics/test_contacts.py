@@ -40,10 +40,10 @@ from liaisons import (
     unchecked,
     unilateral,
 )
-from liaisons.derivatives import Sensitivities
 from liaisons.errors import ComponentError
 from liaisons.mechanics import compose
 from liaisons.models import CartesianPendulum, OscillatorChain, PendulumChain
+from liaisons_motion.derivatives import Sensitivities
 
 RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "tolerance": 1e-11}
 SHORT: dict[str, Any] = RUN | {"stop_time": 1.0}

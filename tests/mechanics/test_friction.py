@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.fmu_pages.page import index_page
 from liaisons.language import (
     Coordinate,
     Friction,
@@ -16,6 +15,7 @@ from liaisons.language import (
 )
 from liaisons.mechanics import Equations, assemble, derive
 from liaisons.models import KeplerOrbit, OscillatorChain
+from liaisons_pages.fmu_pages.page import index_page
 
 ROUNDING = 1e-12  # algebra in doubles: some ten operations on numbers of order 1
 

@@ -27,7 +27,9 @@ from liaisons import (
     unchecked,
     unilateral,
 )
-from liaisons.analysis import (
+from liaisons.errors import ComponentError
+from liaisons.mechanics import assemble, derive
+from liaisons_motion.analysis import (
     active_hamiltonian,
     effective_mass,
     hamilton_equations,
@@ -36,8 +38,6 @@ from liaisons.analysis import (
     multiplier_equations,
     reduced_multiplier_equations,
 )
-from liaisons.errors import ComponentError
-from liaisons.mechanics import assemble, derive
 
 
 class RelativisticOscillator(Mechanism):

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from liaisons import System, modelica
-from liaisons.cli import main
 from liaisons.cosim import Result, simulate
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import (
@@ -36,10 +35,6 @@ from liaisons.language import (
     unilateral,
 )
 from liaisons.mechanics import assemble
-from liaisons.modelica_text import files, modelica_library
-from liaisons.modelica_text.classes import system_text
-from liaisons.modelica_text.standard_library import TYPES
-from liaisons.modelica_text.systems import Composition
 from liaisons.models import (
     CATALOGUE,
     BallRow,
@@ -58,6 +53,11 @@ from liaisons.models import (
     SmoothStep,
     SwingPump,
 )
+from liaisons_exchange.modelica_text import files, modelica_library
+from liaisons_exchange.modelica_text.classes import system_text
+from liaisons_exchange.modelica_text.standard_library import TYPES
+from liaisons_exchange.modelica_text.systems import Composition
+from liaisons_tools.cli import main
 
 rumoca = pytest.importorskip("rumoca")
 pymoca = pytest.importorskip("pymoca.parser")

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from on_paper import algebra, equations_of
 from scipy.linalg import expm
 
-from liaisons import analysis
 from liaisons.check import slope
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, point
 from liaisons.models import CartesianPendulum, DoublePendulum, NoseHooverOscillator, Oscillator, Pendulum
+from liaisons_motion import analysis
 
 FLOW = 1e-9  # integration at tolerance 1e-11, amplified less than a hundredfold
 M, K, GAMMA = 0.7, 3.1, 0.4

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from on_paper import algebra, equations_of
 from scipy.integrate import quad, solve_ivp
 
-from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import ActiveCoordinate, Coordinate, Mechanism, Parameter, unchecked
 from liaisons.models import CartesianPendulum, DoublePendulum, Pendulum
+from liaisons_motion import analysis
 
 M, G = 0.7, 9.1
 BODY: dict[str, Any] = {"mass": M, "gravity": G}

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import ActiveCoordinate, analysis, build, operator, simulate
+from liaisons import ActiveCoordinate, build, operator, simulate
 from liaisons.errors import ComponentError
 from liaisons.mechanics import derive
 from liaisons.models import SpatialCat, marle_cat
+from liaisons_motion import analysis
 
 SHAPE = ("bend", "azimuth", "twist")
 EQUATIONS = derive(SpatialCat)

@@ -1,6 +1,6 @@
 """Numbers of K and M that no component stands for: each on expressions or numbers of its own.
 
-Which number is shown where is told by components/liaisons/companion/texts.toml.
+Which number is shown where is told by components/liaisons_pages/companion/texts.toml.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from on_paper import State, algebra, equations_of, random_states, unloaded, vector
 from scipy.spatial.transform import Rotation
 
-from liaisons import analysis
-from liaisons.analysis import Quantity
 from liaisons.check import slope
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Mechanism, Parameter, unchecked
 from liaisons.mechanics import derive
@@ -29,6 +27,8 @@ from liaisons.models import (
     SpatialCat,
     Swing,
 )
+from liaisons_motion import analysis
+from liaisons_motion.analysis import Quantity
 
 # ---- K 2.1, 2.2: points, generalised coordinates -----------------------------------------------------------------
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from on_paper import Values, defaults, derivative, equations_of
 from scipy.integrate import dblquad, quad
 
-from liaisons import analysis
 from liaisons_catalogue.planar_cat import PlanarCat
+from liaisons_motion import analysis
 
 
 def test_phi_is_cyclic_and_x_k_vanishes() -> None:

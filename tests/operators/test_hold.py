@@ -13,19 +13,19 @@ from scipy.linalg import expm
 from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
-from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import (
+from liaisons.library import component
+from liaisons.library import model as component_model
+from liaisons_catalogue.regulator import KNOTS
+from liaisons_motion.holding.controllers import ReferenceTrajectory
+from liaisons_motion.holding.feedback import (
     discrete_lqr_gains,
     periodic_riccati,
     reachable_subspace,
     rest_offsets,
     riccati_recursion,
 )
-from liaisons.holding.subjects import sampled_mechanism
-from liaisons.library import component
-from liaisons.library import model as component_model
-from liaisons.planning.phases import optimal_control_problem
-from liaisons_catalogue.regulator import KNOTS
+from liaisons_motion.holding.subjects import sampled_mechanism
+from liaisons_motion.planning.phases import optimal_control_problem
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 

@@ -19,12 +19,12 @@ from scipy.sparse import csc_matrix
 
 from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter, Plan, System, plan
 from liaisons.errors import PlanError
-from liaisons.planning import transcription
-from liaisons.planning.phases import optimal_control_problem
-from liaisons.planning.plans import _even_step
-from liaisons.planning.searching import _satisfies_equations
-from liaisons.planning.transcription import Clock, in_relative_units, reduced_hessian_eigenvalues
-from liaisons.planning.verifying import (
+from liaisons_motion.planning import transcription
+from liaisons_motion.planning.phases import optimal_control_problem
+from liaisons_motion.planning.plans import _even_step
+from liaisons_motion.planning.searching import _satisfies_equations
+from liaisons_motion.planning.transcription import Clock, in_relative_units, reduced_hessian_eigenvalues
+from liaisons_motion.planning.verifying import (
     _cost_verdicts,
     _on_finer_mesh,
     _replay_verdicts,
@@ -234,7 +234,7 @@ def test_the_slope_of_the_cost_is_told_on_both_sides_or_on_one(
         cost = solution.cost + size * sides[by < 0] * by + curvature * size * by**2
         return replace(solution, cost=cost, status="failed" if parts in failing else solution.status)
 
-    monkeypatch.setattr("liaisons.planning.verifying.solve", solved)
+    monkeypatch.setattr("liaisons_motion.planning.verifying.solve", solved)
     *_, claim = _cost_verdicts(solution, lambda: solution, Clock(60))
     assert claim.passed == (kinks is not None)
     assert ("kink" in claim.claim) == bool(kinks) or kinks is None
@@ -351,7 +351,7 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch, 
 
 
 ENDLESS = """
-from liaisons.planning import plan, searching
+from liaisons_motion.planning import plan, searching
 
 solve = searching.solve
 def told(*arguments, **options):

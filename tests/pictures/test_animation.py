@@ -20,11 +20,11 @@ from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
-from liaisons.pictures import Stage, motion_frames, picture_frames
-from liaisons.pictures.frames import RATE
-from liaisons.pictures.gltf import _MESHES, _material, _quaternions_of_axes
-from liaisons.pictures.stage import LIGHT, camera_facing, rgb
 from liaisons.results import Picture
+from liaisons_pages.pictures import Stage, motion_frames, picture_frames
+from liaisons_pages.pictures.frames import RATE
+from liaisons_pages.pictures.gltf import _MESHES, _material, _quaternions_of_axes
+from liaisons_pages.pictures.stage import LIGHT, camera_facing, rgb
 
 from .conftest import MECHANISMS, Fmu, Moved
 
@@ -180,7 +180,7 @@ def test_what_is_not_connected_does_not_pile_up(fmu: Fmu, tmp_path: Path, monkey
     result = system.simulate(2.0, step_size=0.02)
     assert result.scene is not None
     seen: list[Any] = []
-    monkeypatch.setattr("liaisons.pictures.animation.Stage", lambda *them: [seen.extend(them), Stage(*them)][1])
+    monkeypatch.setattr("liaisons_pages.pictures.animation.Stage", lambda *them: [seen.extend(them), Stage(*them)][1])
     result.animate(tmp_path / "two.png", against={"second.theta": result["second.theta"] - 1.0})
     shown, ghost = seen
     assert ghost.shifts == shown.shifts

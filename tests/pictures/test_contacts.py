@@ -17,10 +17,10 @@ from liaisons import ActiveCoordinate, Ball, Coordinate, Flash, Floor, Mechanism
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.pictures import Stage, animate, picture_frames
-from liaisons.pictures.frames import FLASH, RATE, THICKNESS
-from liaisons.pictures.stage import TEETH, camera_facing, rgb
 from liaisons.results import Picture
+from liaisons_pages.pictures import Stage, animate, picture_frames
+from liaisons_pages.pictures.frames import FLASH, RATE, THICKNESS
+from liaisons_pages.pictures.stage import TEETH, camera_facing, rgb
 
 from .test_animation import content, numbers, omedit
 from .test_schema import SCHEMA, fits

@@ -24,10 +24,10 @@ from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim import Connection
 from liaisons.errors import BuildError, SimulationError
 from liaisons.library import catalogue
-from liaisons.live import live_page
-from liaisons.pictures import picture_frames
-from liaisons.pictures.stage import COILS, SIZES, Camera, _zigzag_points
 from liaisons.results import Picture
+from liaisons_exchange.live import live_page
+from liaisons_pages.pictures import picture_frames
+from liaisons_pages.pictures.stage import COILS, SIZES, Camera, _zigzag_points
 
 from . import _browser as tools
 from .conftest import Fmu, Moved
@@ -750,7 +750,7 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Fmu, tmp_path: Path) 
 @pytest.mark.variants(core=0)
 def test_an_fmu_without_sources(fmu: Fmu, monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str) -> None:
     """Such as are built where there is no compiler."""
-    monkeypatch.setattr("liaisons.live.page.zig_compiler", lambda: zig)
+    monkeypatch.setattr("liaisons_exchange.live.page.zig_compiler", lambda: zig)
     with pytest.raises(
         SimulationError, match=rf"Ramp\.fmu: a live page needs the C sources of FMI 2\.0 inside, {cure}$"
     ):

@@ -17,7 +17,7 @@ from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Result, Rod, W
 from liaisons.errors import ComponentError
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
-from liaisons.pictures import picture_frames
+from liaisons_pages.pictures import picture_frames
 
 from .conftest import MECHANISMS, Fmu, Moved
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from liaisons.pictures import Stage, picture_frames
-from liaisons.pictures.frames import RATE
-from liaisons.pictures.stage import SIZES
 from liaisons.results import Picture
+from liaisons_pages.pictures import Stage, picture_frames
+from liaisons_pages.pictures.frames import RATE
+from liaisons_pages.pictures.stage import SIZES
 
 TURNS = np.linspace(0, 2 * np.pi, 7)
 

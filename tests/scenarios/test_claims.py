@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from liaisons import LiaisonsError, Result, Verdict
-from liaisons.scenarios import Claims, dots, panels, within
-from liaisons.scenarios.drawing import save
+from liaisons_tools.scenarios import Claims, dots, panels, within
+from liaisons_tools.scenarios.drawing import save
 
 EMPTY = Result("empty", np.ones(1), (), np.ones((0, 1)), {})
 BOUND = within(1e-3, "m", because="as the test says")

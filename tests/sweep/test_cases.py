@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from liaisons.sweeps import SweepError, grid, sample
-from liaisons.sweeps.cases import checked_cases
+from liaisons_tools.sweeps import SweepError, grid, sample
+from liaisons_tools.sweeps.cases import checked_cases
 
 
 def test_the_last_name_of_a_grid_runs_fastest() -> None:

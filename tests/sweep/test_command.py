@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons.cli import main
-from liaisons.sweeps.study import Completed, Failure
+from liaisons_tools.cli import main
+from liaisons_tools.sweeps.study import Completed, Failure
 
 BAD_VALUES = [
     "theta_0=",
@@ -78,7 +78,7 @@ def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch,
     def interrupted(*_: object, **__: object) -> None:
         raise end
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", interrupted)
+    monkeypatch.setattr(import_module("liaisons_tools.sweeps.sweeping"), "simulate_locally", interrupted)
     arguments = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1"]
     for more, words in (
         (["--csv", str(tmp_path / "t.csv")], "t.csv.journal has what is done"),
@@ -106,7 +106,7 @@ def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, caps
         assert time_limit == 3.0
         deliver(dict.fromkeys(cases, outcomes.pop(0)))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", simulate)
+    monkeypatch.setattr(import_module("liaisons_tools.sweeps.sweeping"), "simulate_locally", simulate)
     command = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1", "--csv", str(csv), "--time-limit", "3"]
     assert main(command) == 1
     said = capsys.readouterr().out

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons.sweeps import SweepError, cluster, grid, sweep
+from liaisons_tools.sweeps import SweepError, cluster, grid, sweep
 
 pytest.importorskip("distributed")
 
@@ -46,7 +46,7 @@ def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
 @pytest.mark.variants(core=0)
 def test_the_command_line_by_the_address(client, pendulum, tmp_path) -> None:
     """In a process that has no client of its own, as there is one here."""
-    liaisons = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+    liaisons = [sys.executable, "-c", "from liaisons_tools.cli import main; raise SystemExit(main())"]
     arguments = ["sweep", str(pendulum), "--over", "theta_0=0.1:3:12", "--keep", "theta", "--stop", "1"]
     for name, more in (("here", []), ("there", ["--dask", client.scheduler.address])):
         subprocess.run([*liaisons, *arguments, "--csv", str(tmp_path / name), *more], check=True)
@@ -77,7 +77,7 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
 
     def spoil(address: str, dask_worker) -> None:
         from liaisons.base.folders import temporary_folder
-        from liaisons.sweeps import cluster
+        from liaisons_tools.sweeps import cluster
 
         def full(*_: object) -> None:
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -96,6 +96,6 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
 
 
 def test_a_scheduler_that_does_not_answer(pendulum, monkeypatch) -> None:
-    monkeypatch.setattr("liaisons.sweeps.cluster._PATIENCE", "1s")
+    monkeypatch.setattr("liaisons_tools.sweeps.cluster._PATIENCE", "1s")
     with pytest.raises(SweepError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:9'"):
         sweep(pendulum, CASES, ["theta"], client="tcp://127.0.0.1:9", **SPAN)

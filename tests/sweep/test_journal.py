@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from liaisons import Result
-from liaisons.sweeps import JournalError, SweepError, sweep
-from liaisons.sweeps.journal import Journal, _checksummed_line
-from liaisons.sweeps.measures import measure_identity
-from liaisons.sweeps.study import Completed
+from liaisons_tools.sweeps import JournalError, SweepError, sweep
+from liaisons_tools.sweeps.journal import Journal, _checksummed_line
+from liaisons_tools.sweeps.measures import measure_identity
+from liaisons_tools.sweeps.study import Completed
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
 CASES = {"theta_0": np.linspace(0.1, 1.0, 8), "mass": [1.0, 2.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
@@ -102,7 +102,7 @@ def test_damaged_lines_say_nothing_and_are_done_again(tmp_path, counted, swept, 
     assert counted.calls() == 6  # all but the last, and one fails
     assert again.values.tobytes() == whole.values.tobytes()
     assert again.failures == whole.failures
-    (record,) = [record for record in caplog.records if record.name == "liaisons.sweeps"]  # Dask has its own
+    (record,) = [record for record in caplog.records if record.name == "liaisons_tools.sweeps"]  # Dask has its own
     assert "journal: damaged lines are left out, and their cases done again: 2, 3, 4, 5, 6 and 2 more" in record.message
 
 
@@ -139,7 +139,7 @@ def test_a_second_sweep_with_the_same_journal_is_refused(tmp_path, swept) -> Non
     path = tmp_path / "journal"
     swept()
     before = path.read_bytes()
-    holder = "import sys, time; from pathlib import Path; from liaisons.sweeps.journal import Journal; "
+    holder = "import sys, time; from pathlib import Path; from liaisons_tools.sweeps.journal import Journal; "
     holder += "journal = Journal(Path(sys.argv[1]), sys.argv[2], 8, 1); print('open', flush=True); time.sleep(60)"
     key = json.loads(before.splitlines()[0])["liaisons sweep"]
     with subprocess.Popen([sys.executable, "-c", holder, str(path), key], stdout=subprocess.PIPE) as process:
@@ -193,7 +193,7 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(swept, monkeypatch
         done.extend(cases)
         deliver(dict.fromkeys(cases, Completed((7.0,))))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", simulate)
+    monkeypatch.setattr(import_module("liaisons_tools.sweeps.sweeping"), "simulate_locally", simulate)
     assert swept().failures.keys() == {2}
     assert done == []
     again = swept(retry=True)
@@ -249,7 +249,7 @@ def test_a_file_that_is_no_journal_stays_as_it_is(tmp_path, swept) -> None:
 @pytest.mark.variants(core=0)
 def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     def command(*more: str) -> list[str]:
-        liaisons = [sys.executable, "-c", "import sys; from liaisons.cli import main; sys.exit(main())"]
+        liaisons = [sys.executable, "-c", "import sys; from liaisons_tools.cli import main; sys.exit(main())"]
         grid = ["--over", "theta_0=0.1:3:40", "--over", "length=0.5,1", "--keep", "theta", "--stop", "20", *more]
         return [*liaisons, "sweep", str(pendulum), *grid]
 

@@ -21,8 +21,8 @@ from liaisons import Result, System, simulate
 from liaisons.cosim import Coupling
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum
-from liaisons.sweeps import SweepError, grid, sweep
-from liaisons.sweeps.workers import _Worker
+from liaisons_tools.sweeps import SweepError, grid, sweep
+from liaisons_tools.sweeps.workers import _Worker
 
 SPAN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.05}
 CASES = grid({"theta_0": np.linspace(0.1, 3.0, 6), "length": [0.5, 1.0]})
@@ -220,7 +220,7 @@ def test_what_is_ended_leaves_no_files(double, tmp_path, monkeypatch) -> None:
 
 
 def test_one_is_told_which_case_takes_long(pendulum, monkeypatch, caplog) -> None:
-    monkeypatch.setattr("liaisons.sweeps.workers._LONG_CASE", 0.2)
+    monkeypatch.setattr("liaisons_tools.sweeps.workers._LONG_CASE", 0.2)
 
     def nap(result: Result) -> float:
         time.sleep(1.0 if result["theta"][0] == 0.3 else 0.0)
@@ -234,7 +234,7 @@ def test_one_is_told_which_case_takes_long(pendulum, monkeypatch, caplog) -> Non
 def test_workers_end_with_a_sweep_that_is_killed(pendulum) -> None:
     script = f"""
 import ctypes, os
-from liaisons.sweeps import sweep
+from liaisons_tools.sweeps import sweep
 def hang(result):
     os.write(1, b"x")
     ctypes.CDLL(None).sleep(1000)

@@ -13,12 +13,12 @@ from typing import final
 
 
 def rename(old: str, new: str) -> None:
-    """Let imports of modules below a package find those of another one: the same modules, not copies of them.
+    """Let imports of a module, and of those below it, find another one: the same modules, not copies of them.
 
-    :param old: name of the package that has been there, ``liaisons.models``; it imports this itself.
-    :param new: name of the package that has its modules now.
+    :param old: name of the module or package that has been there, ``liaisons.models``.
+    :param new: name of what it is now.
     """
-    sys.meta_path.insert(0, _Renamed(f"{old}.", f"{new}."))
+    sys.meta_path.insert(0, _Renamed(old, new))
 
 
 @final
@@ -35,7 +35,8 @@ class _Renamed(MetaPathFinder, Loader):
         target: ModuleType | None = None,  # noqa: ARG002
     ) -> ModuleSpec | None:
         """Return how a module of an older name is loaded; None for any other name."""
-        if not fullname.startswith(self._old) or find_spec(self._name(fullname)) is None:
+        known = fullname == self._old or fullname.startswith(f"{self._old}.")
+        if not known or find_spec(self._name(fullname)) is None:
             return None
         return ModuleSpec(fullname, self)
 

@@ -1,19 +1,6 @@
-"""Both texts, Kneller's and Marle's, number by number: what each says, where it lives, what verifies it."""
+"""``liaisons_pages.companion`` by its name under ``liaisons``."""
 
-from liaisons.companion.numbers import CITATION, completions, entries_of, is_text_number, search_entries
-from liaisons.companion.table import TITLES, Entry, TextSection, entries, sections
-from liaisons.companion.unicode import unicode_text
+from liaisons.base.renamed import rename
+from liaisons_pages.companion import *
 
-__all__ = [
-    "CITATION",
-    "TITLES",
-    "Entry",
-    "TextSection",
-    "completions",
-    "entries",
-    "entries_of",
-    "is_text_number",
-    "search_entries",
-    "sections",
-    "unicode_text",
-]
+rename(__name__, "liaisons_pages.companion")

@@ -1,18 +1,6 @@
-"""Derivatives of motions."""
+"""``liaisons_motion.derivatives`` by its name under ``liaisons``."""
 
-from liaisons.derivatives.differentiation import Gradient, Sensitivities, gradient, sensitivities
-from liaisons.derivatives.inputs import input_functions
-from liaisons.derivatives.motion import Branch, DifferentiableMotion
-from liaisons.derivatives.subjects import Motion, motion_of
+from liaisons.base.renamed import rename
+from liaisons_motion.derivatives import *
 
-__all__ = [
-    "Branch",
-    "DifferentiableMotion",
-    "Gradient",
-    "Motion",
-    "Sensitivities",
-    "gradient",
-    "input_functions",
-    "motion_of",
-    "sensitivities",
-]
+rename(__name__, "liaisons_motion.derivatives")

@@ -1,6 +1,8 @@
-"""Ensembles: one component with many parameter sets and initial states, integrated together in compiled code."""
+"""``liaisons_motion.ensembles`` by its name under ``liaisons``."""
 
-from liaisons.ensembles.integrating import ensemble
-from liaisons.ensembles.members import Members
+from liaisons.base.renamed import rename
+from liaisons_motion.ensembles import *
 
-__all__ = ["Members", "ensemble"]
+rename(__name__, "liaisons_motion.ensembles")
+for _old, _new in {"methods": "methods", "right_hand_sides": "right_hand_side", "steps": "steps"}.items():
+    rename(f"{__name__}.{_old}", f"liaisons_motion.right_hand_sides.{_new}")

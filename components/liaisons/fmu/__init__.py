@@ -1,5 +1,6 @@
 """Equations -> .fmu: generated C with a small runtime, or pythonfmu with CasADi at run time."""
 
+from liaisons.base.renamed import rename
 from liaisons.fmu.building import build
 from liaisons.fmu.calls import Call
 from liaisons.fmu.code import core_files
@@ -29,3 +30,5 @@ __all__ = [
     "start_rates",
     "start_vectors",
 ]
+
+rename(f"{__name__}.loops", "liaisons.chains.loops")

@@ -1,23 +1,6 @@
-"""Equations as people write them: expressions as trees of terms, and their printers."""
+"""``liaisons_pages.formulas`` by its name under ``liaisons``."""
 
-from liaisons.formulas.displayed import DisplayedEquations, of_component, of_model
-from liaisons.formulas.laws import LAWS
-from liaisons.formulas.mathml import MathML
-from liaisons.formulas.modelica import UnsupportedError, modelica_expression
-from liaisons.formulas.notation import Notation
-from liaisons.formulas.terms import Formula, Term
-from liaisons.formulas.writing import formula
+from liaisons.base.renamed import rename
+from liaisons_pages.formulas import *
 
-__all__ = [
-    "LAWS",
-    "DisplayedEquations",
-    "Formula",
-    "MathML",
-    "Notation",
-    "Term",
-    "UnsupportedError",
-    "formula",
-    "modelica_expression",
-    "of_component",
-    "of_model",
-]
+rename(__name__, "liaisons_pages.formulas")

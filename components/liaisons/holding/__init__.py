@@ -1,9 +1,6 @@
-"""Holding: a controller that brings a mechanism to a goal, or back to a planned motion, by feedback, and observers."""
+"""``liaisons_motion.holding`` by its name under ``liaisons``."""
 
-from __future__ import annotations
+from liaisons.base.renamed import rename
+from liaisons_motion.holding import *
 
-from liaisons.holding.controllers import Controller
-from liaisons.holding.holding import hold
-from liaisons.holding.observers import Observer, observe
-
-__all__ = ["Controller", "Observer", "hold", "observe"]
+rename(__name__, "liaisons_motion.holding")

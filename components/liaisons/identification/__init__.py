@@ -1,6 +1,6 @@
-"""Estimates of parameters from measurements, with covariances and the verdicts that verify them."""
+"""``liaisons_motion.identification`` by its name under ``liaisons``."""
 
-from liaisons.identification.fits import Fit
-from liaisons.identification.identifying import identify, identify_from_file
+from liaisons.base.renamed import rename
+from liaisons_motion.identification import *
 
-__all__ = ["Fit", "identify", "identify_from_file"]
+rename(__name__, "liaisons_motion.identification")

@@ -1,6 +1,6 @@
-"""Live pages: an FMU's own C as WebAssembly in one HTML file."""
+"""``liaisons_exchange.live`` by its name under ``liaisons``."""
 
-from liaisons.live.files import LivePage, default_page_path, write_live_page
-from liaisons.live.page import live_page
+from liaisons.base.renamed import rename
+from liaisons_exchange.live import *
 
-__all__ = ["LivePage", "default_page_path", "live_page", "write_live_page"]
+rename(__name__, "liaisons_exchange.live")

@@ -1,8 +1,6 @@
-"""Components and systems as Modelica text, from the formulas of their documentation.
+"""``liaisons_exchange.modelica_text`` by its name under ``liaisons``."""
 
-Language specification 3.6, with or without the Modelica Standard Library.
-"""
+from liaisons.base.renamed import rename
+from liaisons_exchange.modelica_text import *
 
-from liaisons.modelica_text.files import modelica, modelica_library
-
-__all__ = ["modelica", "modelica_library"]
+rename(__name__, "liaisons_exchange.modelica_text")

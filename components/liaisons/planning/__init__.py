@@ -1,8 +1,6 @@
-"""Planning: from a goal for a mechanism to the motion σ(t) of its operator, and the verdicts on it."""
+"""``liaisons_motion.planning`` by its name under ``liaisons``."""
 
-from __future__ import annotations
+from liaisons.base.renamed import rename
+from liaisons_motion.planning import *
 
-from liaisons.planning.planning import plan, plan_from_file
-from liaisons.planning.plans import Plan
-
-__all__ = ["Plan", "plan", "plan_from_file"]
+rename(__name__, "liaisons_motion.planning")

@@ -1,18 +1,6 @@
-"""Systems in and out of System Structure and Parameterization archives (SSP 1.0 and 2.0)."""
+"""``liaisons_exchange.ssp`` by its name under ``liaisons``."""
 
-from liaisons.ssp.assignment import fmu_start_values
-from liaisons.ssp.connectors import Form
-from liaisons.ssp.embedded_starts import fmu_with_table
-from liaisons.ssp.experiment import effective_experiment
-from liaisons.ssp.reader import read, read_document
-from liaisons.ssp.writer import write
+from liaisons.base.renamed import rename
+from liaisons_exchange.ssp import *
 
-__all__ = [
-    "Form",
-    "effective_experiment",
-    "fmu_start_values",
-    "fmu_with_table",
-    "read",
-    "read_document",
-    "write",
-]
+rename(__name__, "liaisons_exchange.ssp")

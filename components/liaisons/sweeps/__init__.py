@@ -1,7 +1,6 @@
-"""Sweeps: one FMU or system, simulated for many cases, on all cores or on many machines."""
+"""``liaisons_tools.sweeps`` by its name under ``liaisons``."""
 
-from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.cases import grid, sample
-from liaisons.sweeps.sweeping import sweep
+from liaisons.base.renamed import rename
+from liaisons_tools.sweeps import *
 
-__all__ = ["JournalError", "SweepError", "grid", "sample", "sweep"]
+rename(__name__, "liaisons_tools.sweeps")

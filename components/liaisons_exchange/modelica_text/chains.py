@@ -1,0 +1,141 @@
+"""The motion of chains as a model: one loop over the links."""
+
+import casadi as ca
+
+from liaisons import Chain
+from liaisons.algebra import stack
+from liaisons.base import units
+from liaisons.chains import link_of
+from liaisons.language import Variable
+from liaisons.mechanics import refuse_contacts
+from liaisons_exchange.modelica_text.text import (
+    MOTION,
+    Section,
+    component_clause,
+    declaration,
+    filled_lines,
+    indented_lines,
+    model_lines,
+    number_literal,
+    parameters,
+    units_of,
+)
+from liaisons_pages.formulas import Notation
+
+_ENDS = ("", "_dot", "_ddot")
+
+
+def chain_motion_model(component: type[Chain]) -> list[str]:
+    """Return lines of the model ``Motion`` of a chain.
+
+    ``pi`` and ``phi`` are ∂L/∂ẇ and ∂L/∂w of the links beyond a joint w, with outer forces.
+    """
+    refuse_contacts(component, "Modelica text of a chain", "import its FMU")
+    m, axes = component(), component.joint.axes
+    link, points, notation = link_of(m), [*m.point_components()], Notation.from_component(component)
+    q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
+    pi, phi, pi_dot = (stack(ca.SX.sym(f"{name}_{axis}") for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
+    Q, attached = (stack(ca.SX.sym(f"Q_{name}") for name in group) for group in (names, points))
+    of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
+    indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
+    indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
+    loop, outside = Section(notation, indexed, "[i]"), Section(notation, {str(x): f"{x}[1]" for x in beyond})
+
+    L, F_q, F_w, F_dot = T - link.potential, ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
+    p_v, p_w = ca.jacobian(T, v).T, ca.jacobian(T, w_dot).T
+
+    def generalised_force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
+        """Return the force along x: ∂L/∂x, outer forces, friction, and the forces of the links beyond."""
+        applied = ca.jacobian(link.points, x).T @ attached - link.friction.forces_against(x_dot)
+        return ca.jacobian(L, x).T + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
+
+    def momentum_rate(p: ca.SX, slope: ca.SX) -> ca.SX:
+        """Return the rate of a momentum p, with the momenta of the links beyond."""
+        turning = ca.reshape(m.dot(ca.vec(ca.densify(slope))), *slope.shape)
+        return m.dot(p) + turning.T @ pi + slope.T @ pi_dot
+
+    for form, names_of_form, column in (
+        ("joint_{}[i + 1]", axes, F),
+        ("joint_{}_dot[i + 1]", axes, F_dot),
+        ("joint_{}_ddot[i + 1]", axes, m.dot(m.dot(F))),
+        ("der({}[i])", names, v),
+        ("p_{}[i]", names, p_v + F_q.T @ pi),
+        ("pi_{}[i]", axes, p_w + F_w.T @ pi),
+        ("der(p_{}[i])", names, Q + generalised_force(q, v)),
+        ("phi_{}[i]", axes, generalised_force(w, w_dot)),
+        ("der(p_{}[i])", names, momentum_rate(p_v, F_q)),
+        ("pi_dot_{}[i]", axes, momentum_rate(p_w, F_w)),
+        ("{}[i]", points, link.points),
+        ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
+    ):
+        loop.add_rows(map(form.format, names_of_form), column)
+
+    base = m.base()
+    joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
+    forces = ca.jacobian(joint, m.s).T @ (pi_dot - phi)
+    for end in _ENDS:
+        outside.add_rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
+        joint = m.dot(joint)
+    outside.add_rows((f"{s.name}_force" for s in m.actives), forces)
+    for item in m.calculated_parameters:
+        outside.add(item.name, getattr(m, item.name))
+    outside.statements += [f"{x}[n + 1] = 0;" for x in beyond]
+    sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
+
+    constants, initial = parameters(m, _start_literal, "[n]")
+    unit = _units_of_chain(m)
+    texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
+    declared_names = [p.name for p in m.parameters] + ["bonded"]
+
+    def variable(name: str, size: str = "") -> str:
+        longer = " + 1" * name.startswith(("joint_", "pi_", "phi_"))
+        return declaration(name + size.replace("n", f"n{longer}"), unit.get(name, ""), texts.get(name, ""))
+
+    of_links = [
+        name
+        for name in loop.variables_except(*declared_names)
+        if name not in unit or f"{name}[" in str(loop.statements)
+    ]
+    single = [
+        *outside.variables_except(*declared_names, *of_links),
+        *(f"{s.name}{end}" for s in m.actives for end in _ENDS),
+    ]
+    bonded = "fill(1, n)" if base is not None else "cat(1, {0}, ones(n - 1))"
+    declarations = [
+        f'parameter Integer n = {m.sizes["n"]} "{component.n.description}";',
+        f'parameter Real bonded[n] = {bonded} "1: has a bond to the link before";',
+        *constants,
+        *component_clause(
+            "Real", map(variable, dict.fromkeys([*single, "kinetic_energy", "potential_energy", "energy"]))
+        ),
+        *component_clause("Real", (variable(name, "[n]") for name in of_links)),
+    ]
+    equations = [
+        *filled_lines(outside.statements),
+        "for i in 1:n loop",
+        *indented_lines(filled_lines(loop.statements)),
+        "end for;",
+        *filled_lines([*sums, "energy = kinetic_energy + potential_energy;"]),
+    ]
+    return model_lines(MOTION, declarations, equations, initial)
+
+
+def _units_of_chain(m: Chain) -> dict[str, str]:
+    """Return the units of variables by name."""
+    unit = units_of(m) | dict.fromkeys(("kinetic", "potential"), "J")
+    for axis, of in type(m).joint.unit_of.items():
+        unit |= {
+            f"joint_{axis}": of,
+            f"joint_{axis}_dot": units.rate(of),
+            f"joint_{axis}_ddot": units.rate(units.rate(of)),
+        }
+        unit |= {f"pi_{axis}": units.momentum(of), f"phi_{axis}": units.force(of), f"pi_dot_{axis}": units.force(of)}
+    return unit
+
+
+def _start_literal(v: Variable) -> str:
+    """Return the literal of a start value; that of an array has n elements."""
+    if v.dimension and isinstance(v.start, tuple):
+        return f"cat(1, {number_literal(v.start)}, zeros(n - {len(v.start)}))"
+    return f"fill({number_literal(v.starts[0])}, n)" if v.dimension else number_literal(v.starts[0])

@@ -1,0 +1,1 @@
+"""Motions: their derivatives, ensembles, plans, controllers and fits."""

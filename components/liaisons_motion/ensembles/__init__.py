@@ -1,0 +1,6 @@
+"""Ensembles: one component with many parameter sets and initial states, integrated together in compiled code."""
+
+from liaisons_motion.ensembles.integrating import ensemble
+from liaisons_motion.ensembles.members import Members
+
+__all__ = ["Members", "ensemble"]

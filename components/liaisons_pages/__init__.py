@@ -1,0 +1,1 @@
+"""Formulas, pictures and both texts."""

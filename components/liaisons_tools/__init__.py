@@ -1,0 +1,1 @@
+"""The commands, sweeps and the runner of scenarios."""
