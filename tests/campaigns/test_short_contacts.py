@@ -102,6 +102,8 @@ def test_no_touch_in_flight_is_missed_without_a_word(tmp_path: Path) -> None:
             continue
         least = float(distance(np.linspace(t[nearest - 1], t[nearest + 1], 2001)).min())
         depth = 10 ** random.uniform(*NEAR) * random.choice([-1, 1])
+        if float(distance(t[:1])[0]) <= least + depth:  # bodies would overlap at the start
+            continue
         made += 1
         system, step = System("Touch"), FINE * random.integers(5, 80)
         kind, port, mass = (("Sinusoid", "y", 0), ("Oscillator", "x", 1e3))[made % 2]
@@ -125,4 +127,4 @@ def test_no_touch_in_flight_is_missed_without_a_word(tmp_path: Path) -> None:
     sys.stdout.write(f"{TOUCHES} touches: {len(unsaid)} wrong unsaid, {said} said; {needless} of {right} right said\n")
     assert unsaid == []
     assert said > 0
-    assert needless < right / 2
+    assert needless < right * 2 / 3  # most margins are drawn below what inputs are known to
