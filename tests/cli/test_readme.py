@@ -147,7 +147,7 @@ def test_the_wheel_has_the_scenarios_and_nothing_that_was_built(tmp_path: Path) 
         members = archive.namelist()
     inside = {Path(member).stem for member in members if member.startswith("liaisons/_scenarios/")}
     assert inside == {*names(), "gallery"}
-    assert "liaisons/companion/texts.toml" in members
+    assert "liaisons_pages/companion/texts.toml" in members
     assert not {Path(member).suffix for member in members} & {".fmu", ".png", ".pyc", ".so"}
 
 
