@@ -232,7 +232,7 @@ def test_elsewhere_it_runs_in_this_process(
     monkeypatch.setattr(isolated, "SUPPORTED", False)
     with caplog.at_level(logging.WARNING, "liaisons.cosim"):
         simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=True)
-    assert "Cubic: to be isolated takes Linux; it runs in this process" in caplog.text
+    assert "Cubic: isolation needs Linux; running in this process" in caplog.text
 
 
 @pytest.mark.parametrize("value", [-1.0, float("inf"), float("nan"), "yes", None])

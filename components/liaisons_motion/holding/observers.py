@@ -63,7 +63,7 @@ def observe(
 
     Once a period it reads what is measured, and σ, σ̇, σ̈, which the operators know; between samples it predicts by the
     mechanism's equations.  At an equilibrium its gains are the steady ones; along a plan they follow its covariance
-    (extended Kalman filter).  Of constraints and orientations the errors are tangential.
+    (extended Kalman filter).  With constraints or orientations, errors live in the tangent space.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param measured: outputs by name; arrays and orientations are measured element by element.

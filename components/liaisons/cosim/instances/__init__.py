@@ -58,6 +58,6 @@ def make_instance(
     from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
 
     if not SUPPORTED:
-        logger.warning("%s: to be isolated takes Linux; it runs in this process", name)
+        logger.warning("%s: isolation needs Linux; running in this process", name)
         return instantiate()
     return Isolated(name, fmu, instantiate, isolated)

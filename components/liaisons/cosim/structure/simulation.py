@@ -41,7 +41,7 @@ _DEFAULT_TOLERANCE = 1e-8
 _POINTS = 500
 """Number of steps of a simulation for which nothing gives a step size."""
 _ALIKE = 4
-"""Largest difference of two instants that are one, in units in the last place of the largest time."""
+"""Instants closer than this count as one, in units in the last place of the largest time."""
 _INTERFACE = 0.01
 """Interface tolerance, relative to the tolerance of the solvers."""
 _FINEST_INTERFACE = 1e-13
