@@ -22,12 +22,13 @@ from liaisons.base.arguments import as_path, check_finite, merged_start_values, 
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
-from liaisons.cosim import Linearization, OperatorFmu, Services, System, register, simulate, start
+from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
-from liaisons.library import Target, component, composed_model, flatten, fmu_file, is_target
+from liaisons.library import Target, component, fmu_file, is_target
 
 if TYPE_CHECKING:
     from liaisons import DisplayedEquations, LivePage
+    from liaisons.cosim import Linearization
     from liaisons.mechanics import Model
 
 __all__ = [
@@ -55,7 +56,13 @@ def _write_archive(*arguments: Any, **settings: Any) -> None:
     liaisons.ssp.write(*arguments, **settings)
 
 
-register(Services(fmu_file, _read_archive, _write_archive, flatten))
+def _flatten(*arguments: Any, **settings: Any) -> Any:
+    from liaisons.library import flatten
+
+    return flatten(*arguments, **settings)
+
+
+register(Services(fmu_file, _read_archive, _write_archive, _flatten))
 
 
 def show(
@@ -98,7 +105,7 @@ def show(
         return liaisons.live.write_live_page(target, page, starts)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:
-            whole = flatten(target, folder)
+            whole = _flatten(target, folder)
         except SimulationError as error:
             words = f"show: {target.name}: a force goes back by {two_way[0]}, so that its page is one FMU, by flatten()"
             raise SimulationError(f"{words}: {error}") from error
@@ -128,6 +135,8 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
     from liaisons.mechanics import Model
 
     if isinstance(subject, System):
+        from liaisons.library import composed_model
+
         return liaisons.formulas.of_model(composed_model(subject))
     if isinstance(subject, Model):
         return liaisons.formulas.of_model(subject)

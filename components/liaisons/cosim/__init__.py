@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING, Any
 from liaisons.cosim.description.fmu import DefaultExperiment, experiment_problems, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
 from liaisons.cosim.description.variables import Entry
-from liaisons.cosim.running.linearization import Linearization
-from liaisons.cosim.running.roll_back import roll_back_difference
 from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -21,6 +19,8 @@ from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
     from liaisons.cosim.running.fmu_equations import FmuEquations
+    from liaisons.cosim.running.linearization import Linearization
+    from liaisons.cosim.running.roll_back import roll_back_difference
 
 __all__ = [
     "Connection",
@@ -64,4 +64,12 @@ def __getattr__(name: str) -> Any:
         from liaisons.cosim.running.fmu_equations import FmuEquations
 
         return FmuEquations
+    if name == "Linearization":
+        from liaisons.cosim.running.linearization import Linearization
+
+        return Linearization
+    if name == "roll_back_difference":
+        from liaisons.cosim.running.roll_back import roll_back_difference
+
+        return roll_back_difference
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -47,7 +47,6 @@ from liaisons.cosim.running.contacts import (
     warn_of_missing,
 )
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impacts import Impacts, forces_through, impulse_sums, impulsive_ports
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     input_reconstructions,
@@ -67,6 +66,7 @@ from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
     from liaisons.cosim.coupling.implicit import Coupled
+    from liaisons.cosim.running.impacts import Impacts
     from liaisons.cosim.running.linearization import Linearization
 
 _PROGRESS_INTERVAL = 0.02
@@ -128,6 +128,8 @@ class Run:
                 self._instances[name] = stack.enter_context(instance)
             also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
+            from liaisons.cosim.running.impacts import Impacts, forces_through, impulse_sums, impulsive_ports
+
             through = impulsive_ports(simulation)
             self._sums = connections_losing_impulses(simulation, forces_through(through))
             fed = {name for name, _ in simulation.feeds}
