@@ -46,6 +46,7 @@ from .planned_motion import PlannedMotion as PlannedMotion
 from .polar_oscillator import PolarOscillator as PolarOscillator
 from .quintic import quintic as quintic
 from .ramp import Ramp as Ramp
+from .regulator import CorrectedMotion as CorrectedMotion
 from .regulator import Regulator as Regulator
 from .satellite import Satellite as Satellite
 from .scara import Scara as Scara
