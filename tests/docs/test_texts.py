@@ -47,7 +47,7 @@ def test_links_of_the_page_lead_somewhere(texts: ModuleType, page: str) -> None:
     places = {f"../catalogue/{name}.html" for name in catalogue()} | {
         f"../gallery/{name}.html" for name in scenario_files()
     }
-    places |= {f"api.html#liaisons_motion.analysis.{name}" for name in analysis.__all__}
+    places |= {f"api.html#liaisons.analysis.{name}" for name in analysis.__all__}
     places |= {f"api.html#liaisons.{name}" for name in vars(liaisons)["__all__"]}
     for file in {check.partition("::")[0] for entry in entries() for check in entry.by if "::" in check}:
         source = texts.source_page(file)
@@ -84,7 +84,7 @@ def test_pages_of_components_scenarios_and_functions_lead_back(texts: ModuleType
     assert link.format("K-equations-118", "K eq. 118-119") in texts.links("resonance")
     assert texts.links("Quintic") == ""
     lines = ["Says."]
-    texts._numbers_of_a_function(None, "function", "liaisons_motion.analysis.active_energy", None, None, lines)
+    texts._numbers_of_a_function(None, "function", "liaisons.analysis.active_energy", None, None, lines)
     assert "`M eq. 51 <texts.html#M-equations-51>`__" in lines[2]
     texts._numbers_of_a_function(None, "function", "liaisons.simulate", None, None, other := [])
     assert other == []

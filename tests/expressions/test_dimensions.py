@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 import pytest
 
+from liaisons import Chain
 from liaisons.errors import ComponentError
 from liaisons.language import (
-    Chain,
     Coordinate,
     Input,
     InternalState,

@@ -102,7 +102,7 @@ def test_damaged_lines_say_nothing_and_are_done_again(tmp_path, counted, swept, 
     assert counted.calls() == 6  # all but the last, and one fails
     assert again.values.tobytes() == whole.values.tobytes()
     assert again.failures == whole.failures
-    (record,) = [record for record in caplog.records if record.name == "liaisons_tools.sweeps"]  # Dask has its own
+    (record,) = [record for record in caplog.records if record.name == "liaisons.sweeps"]  # Dask has its own
     assert "journal: damaged lines are left out, and their cases done again: 2, 3, 4, 5, 6 and 2 more" in record.message
 
 

@@ -124,7 +124,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Values, **values: fl
     function = _interval_action_function(equations, names, values)
     for _ in range(50):
         S, gradient, hessian, norm = _total_action(function, z, h)
-        curvatures = eigh(hessian[np.ix_(free, free)], norm[np.ix_(free, free)], eigvals_only=True)
+        curvatures = eigh(hessian[free[:, None], free], norm[free[:, None], free], eigvals_only=True)
         smallest = np.min(np.abs(curvatures)) * (t[-1] - t[0]) ** 2
         if smallest < 1e-6:  # the path answers a shift of its ends by 1/smallest
             raise ComponentError(
@@ -132,7 +132,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Values, **values: fl
                 f"{t[-1] - t[0]:g} s (ω T = k π for an oscillator); choose another time"
             )
         step = np.zeros(z.size)
-        step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+        step[free] = -np.linalg.solve(hessian[free[:, None], free], gradient[free])
         z = z + step.reshape(z.shape, order="F")
         if np.max(np.abs(step)) <= 1e-11 * (1 + np.max(np.abs(z))):
             columns = {

@@ -102,7 +102,7 @@ class ParameterEstimate:
                 root @ np.linalg.inv(np.einsum("ri,r,rj->ij", Q, curvature, Q)) @ np.linalg.qr(Q * slope[:, None])[1].T
             )
         inverse = root @ root.T
-        covariance[np.ix_(own, own)] = inverse
+        covariance[own[:, None], own] = inverse
         unsure = self.null_space.undetermined
         covariance[unsure], covariance[:, unsure] = np.nan, np.nan
         return covariance
