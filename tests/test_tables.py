@@ -299,6 +299,8 @@ def test_what_a_command_writes_the_others_read(tmp_path: Path, caplog: pytest.Lo
     for ending in ("csv", "parquet"):
         path = tmp_path / f"swing.{ending}"
         getattr(result, f"to_{ending}")(path)
+        if not SYSTEM.parts:
+            SYSTEM.add("pendulum", "Pendulum")
         times, columns = _checked_columns(*_input_table(SYSTEM, path, single=True))
         np.testing.assert_array_equal(times, result.time)
         inputs = set(SYSTEM.parts["pendulum"].fmu.reals("input"))
