@@ -56,10 +56,8 @@ def _write_archive(*arguments: Any, **settings: Any) -> None:
     liaisons.ssp.write(*arguments, **settings)
 
 
-def _flatten(*arguments: Any, **settings: Any) -> Any:
-    from liaisons.library import flatten
-
-    return flatten(*arguments, **settings)
+def _flatten(*arguments: Any, **settings: Any) -> Path:
+    return liaisons.flatten(*arguments, **settings)
 
 
 register(Services(fmu_file, _read_archive, _write_archive, _flatten))

@@ -23,6 +23,11 @@ UNPACKED_LIMIT = 2**30
 LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
 """Environment variable that replaces the limit; child processes inherit it."""
 
+DESCRIPTION = "modelDescription.xml"
+"""Member that every FMU has."""
+START_VALUES = "resources/starts.txt"
+"""Member of an FMU of liaisons with start values, and with a table that its motion follows."""
+
 _MOST_MEMBERS = 50_000
 _LONGEST_DIRECTORY = 2**24  # bytes; Python reads it as a whole
 _DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error, OverflowError)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+MISMATCH = "_mismatch"
+"""Ending of the names of variables that measure how far value, rate and acceleration contradict each other."""
+
 
 class PortNames(NamedTuple):
     """Names of variables; ``point`` and ``axis`` are empty unless the port is a component of a point."""

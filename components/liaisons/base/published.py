@@ -7,7 +7,7 @@ catalogue is published like this, too, by the package ``liaisons``.
 from __future__ import annotations
 
 import tomllib
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from importlib.metadata import Distribution, EntryPoint, distribution, distributions
 from importlib.util import find_spec
 from os import PathLike
@@ -30,11 +30,15 @@ class _Clone(Distribution):
     What an installation noted may be older; and a clone on PYTHONPATH has none.
     """
 
+    @cached_property
+    def _project(self) -> dict[str, Any]:
+        return tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
     def read_text(self, filename: str) -> str | None:
         """Return the text of a file as an installation has it: author and licence, entry points, files."""
         if filename == "RECORD":
             return "LICENSE,,"
-        project = tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        project = self._project
         if filename == "entry_points.txt":
             groups = project["entry-points"].items()
             return "\n".join(x for group, entries in groups for x in [f"[{group}]", *map(" = ".join, entries.items())])

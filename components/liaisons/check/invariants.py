@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmpy.validation import validate_fmu
 
-from liaisons.base.archive import Archive
+from liaisons.base.archive import DESCRIPTION, Archive
 from liaisons.check.comparison import compare
 from liaisons.check.verdicts import Verdict, verdict
 from liaisons.cosim import SystemComponent, experiment_problems, roll_back_difference, simulate
@@ -17,7 +17,6 @@ from liaisons.cosim import SystemComponent, experiment_problems, roll_back_diffe
 if TYPE_CHECKING:
     from liaisons.results import Result
 
-_DESCRIPTION = "modelDescription.xml"
 _ROUNDING = 1e-12
 """Rounding error of a sum that is 0, relative to the largest signal."""
 _MOST_VALIDATED = 2**23
@@ -37,9 +36,9 @@ def check_fmu(path: Path | str) -> Iterator[Verdict | str]:
     path = Path(path)
     part = SystemComponent.read(path.stem, path, {})
     with Archive(path) as archive:
-        size = archive.unpacked_size(_DESCRIPTION)
+        size = archive.unpacked_size(DESCRIPTION)
     if size > _MOST_VALIDATED:
-        yield f"{_DESCRIPTION} has {size} bytes; fmpy's validator would need too much memory and is left out"
+        yield f"{DESCRIPTION} has {size} bytes; fmpy's validator would need too much memory and is left out"
     else:
         yield from (problems := [*validate_fmu(str(path)), *experiment_problems(path)])
         claim = "fmpy's validator finds no problem, and the default experiment can be simulated"

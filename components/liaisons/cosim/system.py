@@ -452,10 +452,8 @@ def _single_simulation(
     title, starts = path.stem, merged_start_values(path.stem, start_values, keywords)
     system = System(title or str(path))
     own = system._add_part(title, path, starts, isolated=isolated).fmu  # noqa: SLF001 - its name may have a dot
-    experiment = DefaultExperiment(stop_time=own.experiment.stop_time)
-    document = replace(system.document, name=title, experiment=experiment, single=True)
     with start_value_hints(own.variables):
-        simulation = checked_simulation(document, stop_time, step_size, endless=endless, **settings)
+        simulation = checked_simulation(system.document.as_single(), stop_time, step_size, endless=endless, **settings)
     for drive in simulation.drives:
         for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
             if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9):

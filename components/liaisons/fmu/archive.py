@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from liaisons.base import cache
+from liaisons.base.archive import DESCRIPTION
 from liaisons.base.files import atomic_replacement
 from liaisons.errors import BuildError
 
@@ -25,7 +26,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_replacement(path) as partial:
             with zipfile.ZipFile(partial, "x", zipfile.ZIP_DEFLATED) as archive:
-                for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
+                for name in sorted(members, key=lambda name: (name != DESCRIPTION, name)):
                     archive.writestr(_zip_info(name), members[name])
             digest = cache.digest(partial)
     except OSError as error:

@@ -9,6 +9,7 @@ from functools import cache, lru_cache, partial
 from pathlib import Path
 from uuid import UUID
 
+from liaisons.base.archive import DESCRIPTION
 from liaisons.base.compiler import (
     FLAGS,
     INSTALLATION,
@@ -36,7 +37,6 @@ from liaisons.mechanics import Model, refuse_contacts
 BACK_ENDS = "liaisons.fmu_back_ends"
 """Group of entry points of what writes FMUs beside that in C: that in Python."""
 
-_DESCRIPTION = "modelDescription.xml"
 # In place of the guid, which is a hash of everything else.
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _log = logging.getLogger(__name__)
@@ -87,7 +87,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
     path = output / f"{model.name}.fmu"
     sources = _sources(model, fmi, arrays)
     members = {
-        _DESCRIPTION: model_description(model, fmi, guid=_NO_GUID, arrays=arrays),
+        DESCRIPTION: model_description(model, fmi, guid=_NO_GUID, arrays=arrays),
         **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
         **{f"sources/{name}": content for name, content in sources.items()},
     }
@@ -140,9 +140,9 @@ def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[s
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
     guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
     members = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
-    return members | {_DESCRIPTION: with_provenance(members[_DESCRIPTION], model)}
+    return members | {DESCRIPTION: with_provenance(members[DESCRIPTION], model)}
 
 
 def _is_current(path: Path, members: dict[str, bytes], *compared: str) -> bool:
     """Return whether an archive has the same model description, and the same content of the members to be compared."""
-    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *compared))
+    return all(read_member(path, name) == members[name] for name in (DESCRIPTION, *compared))

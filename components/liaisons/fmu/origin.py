@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from liaisons.base.archive import DESCRIPTION
 from liaisons.base.published import own_distribution, publishing_package
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
@@ -51,7 +52,7 @@ def is_of_catalogue(fmu: Path) -> bool:
     """Whether a file is an FMU of a component of liaisons, not of a class of the same name."""
     about = own_distribution().metadata.json
     author = quoteattr(str(about.get("author") or about.get("author_email")))
-    return f" author={author}".encode() in (read_member(fmu, "modelDescription.xml") or b"")
+    return f" author={author}".encode() in (read_member(fmu, DESCRIPTION) or b"")
 
 
 def _source_date() -> str:

@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from liaisons.base.archive import Archive, file_identity
+from liaisons.base.archive import START_VALUES, Archive, file_identity
 from liaisons.base.array_names import array_and_index
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import Port, System, SystemComponent, SystemDocument, read_description
@@ -29,7 +29,6 @@ _CALLED = (  # by fmu.js; what none of them needs, as the saving of states, is n
 _FLAGS = ("-flto", *(f"-Wl,--export={name}" for name in _CALLED))
 _MOST_READ = 400  # elements of arrays read in each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
-_STARTS = "resources/starts.txt"
 _FRAMES = 60  # a second
 _LONGEST = 20.0  # [s] that a default experiment takes on the page
 _INTERPOLATE = 2
@@ -92,8 +91,8 @@ def _encoded_module(path: Path, *_identity: int) -> str:
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}
-        if _STARTS in archive.names:
-            with archive.open(_STARTS) as file:
+        if START_VALUES in archive.names:
+            with archive.open(START_VALUES) as file:
                 if file.read(2) == b"t ":
                     raise SimulationError(
                         f"{path.name}: a live page reads no files, and this FMU has its motion in one"

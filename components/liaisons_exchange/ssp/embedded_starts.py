@@ -19,6 +19,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import ZipFile, ZipInfo
 
+from liaisons.base.archive import DESCRIPTION, START_VALUES
 from liaisons.base.arrays import Floats
 from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim import SystemComponent
@@ -26,13 +27,11 @@ from liaisons.errors import SimulationError
 from liaisons_exchange.ssp.assignment import Value
 from liaisons_exchange.ssp.parameters import starts_by_parameter, value_text
 
-_STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
 STARTS = b"/starts.txt"
 """What binaries contain that read start values."""
 ZEROS = b" = 0 before the first step: it stays "
 """What binaries contain that skip zeros."""
-_DESCRIPTION = "modelDescription.xml"
 
 
 def contains_mark(part: SystemComponent, mark: bytes) -> bool:
@@ -69,15 +68,15 @@ def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str,
     """Content of an FMU file with further lines in its file of start values, and start values in its description."""
     target = io.BytesIO()
     with ZipFile(path) as old, ZipFile(target, "w") as new:
-        before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
+        before = old.read(START_VALUES).decode() if START_VALUES in old.namelist() else ""
         starts = before + "".join(lines)  # the last of two lines wins
         for item in old.infolist():
-            if item.filename != _STARTS:
+            if item.filename != START_VALUES:
                 data = old.read(item)
                 new.writestr(
-                    item, _description_with_starts(data, values, starts) if item.filename == _DESCRIPTION else data
+                    item, _description_with_starts(data, values, starts) if item.filename == DESCRIPTION else data
                 )
-        new.writestr(ZipInfo(_STARTS), starts)
+        new.writestr(ZipInfo(START_VALUES), starts)
     return target.getvalue()
 
 

@@ -12,7 +12,7 @@ from typer.core import TyperCommand
 
 from liaisons.base.array_names import array_and_index
 from liaisons.base.files import check_writable
-from liaisons.base.port_names import port_names
+from liaisons.base.port_names import MISMATCH, port_names
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.errors import SimulationError
 from liaisons_tools.cli._command import (
@@ -39,9 +39,6 @@ from liaisons_tools.cli._command import (
 
 if TYPE_CHECKING:
     from liaisons import Result
-
-_MISMATCH = "_mismatch"
-"""Ending of the names of variables that measure how far value, rate and acceleration contradict each other."""
 
 
 class _Command(TyperCommand):
@@ -142,10 +139,10 @@ def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Res
     rows, lines = [], []
     for row, name in enumerate(result.names):
         base = array_and_index(name)[0]
-        if name in requested or not base.endswith(_MISMATCH):
+        if name in requested or not base.endswith(MISMATCH):
             rows.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:
-            value, rate, acceleration, *_ = port_names(base.removesuffix(_MISMATCH))
+            value, rate, acceleration, *_ = port_names(base.removesuffix(MISMATCH))
             largest, first = abs(result.values[row]).max(), result.time[late[0]]
             lines.append(
                 f"{value}, {rate} and {acceleration} contradict each other: {name} is up to {largest:.6g} "

@@ -13,8 +13,9 @@ from zipfile import ZipFile
 
 import fmpy
 
-from liaisons.base.archive import Archive, file_identity
+from liaisons.base.archive import DESCRIPTION, START_VALUES, Archive, file_identity
 from liaisons.base.array_names import Shape, array_and_index
+from liaisons.base.port_names import MISMATCH
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.model_description import Description, Table, parse
 from liaisons.cosim.description.terminals import Terminals, read_terminals
@@ -22,12 +23,6 @@ from liaisons.cosim.description.variables import LONGEST, RECORDED, Scalar, Vari
 from liaisons.errors import SimulationError, suggestion
 
 _MOST_STEPS = 1e12
-
-DESCRIPTION = "modelDescription.xml"
-"""The file that every FMU has."""
-
-_MISMATCH = "_mismatch"
-_STARTS = "resources/starts.txt"
 
 
 @final
@@ -143,8 +138,8 @@ class Fmu:
         names: list[str] = []
         for name in self.reals("local"):
             base, _ = array_and_index(name)
-            value = f"{base.removesuffix(_MISMATCH)}{name[len(base) :]}"
-            if base.endswith(_MISMATCH) and value in inputs and self.terminals.port(value):
+            value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
+            if base.endswith(MISMATCH) and value in inputs and self.terminals.port(value):
                 names.append(name)
         return names
 
@@ -182,7 +177,7 @@ class Fmu:
     def has_table(self) -> bool:
         """Whether the motion of an FMU of liaisons is a table in its resources, not in its parameters."""
         with ZipFile(self.path) as archive:
-            return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
+            return START_VALUES in archive.namelist() and archive.read(START_VALUES).startswith(b"t ")
 
     def require_file(self, task: str) -> None:
         """Raise an error if the FMU is a function of Python, which has no file.

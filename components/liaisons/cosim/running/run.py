@@ -47,6 +47,7 @@ from liaisons.cosim.running.contacts import (
     warn_of_missing,
 )
 from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.impulses import ImpulsivePort, forces_through, impulse_sums, impulsive_ports
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     input_reconstructions,
@@ -128,8 +129,6 @@ class Run:
                 self._instances[name] = stack.enter_context(instance)
             also = connected_port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
-            from liaisons.cosim.running.impacts import Impacts, forces_through, impulse_sums, impulsive_ports
-
             through = impulsive_ports(simulation)
             self._sums = connections_losing_impulses(simulation, forces_through(through))
             fed = {name for name, _ in simulation.feeds}
@@ -176,11 +175,7 @@ class Run:
                 or self._coupled
                 or any(part.approximation.takes_end_values for part in parts.values())
             )
-            self._impacts = (
-                Impacts(simulation, through, self._instances, self._coupled.signals, self._bus)
-                if self._coupled and through
-                else None
-            )
+            self._impacts = self._impacts_through(through)
             memories = self._deviations.memory, self._coupled, self._impacts and self._impacts.memory
             self._state_owners = [*simulation.drives, *filter(None, memories)]
             self._loop = Loop(
@@ -778,6 +773,14 @@ class Run:
     def reached(self) -> float | None:
         """The last communication point [s]; None before the first."""
         return self._loop.end if self._loop.done else None
+
+    def _impacts_through(self, ports: list[ImpulsivePort]) -> Impacts | None:
+        """Impacts that several FMUs take part in; None if no impulses go through, as in most runs."""
+        if not (self._coupled and ports):
+            return None
+        from liaisons.cosim.running.impacts import Impacts
+
+        return Impacts(self._simulation, ports, self._instances, self._coupled.signals, self._bus)
 
     def _prepare_calls(self) -> CommunicationCalls:
         """Prepare the calls of the coupling."""

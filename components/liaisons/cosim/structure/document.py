@@ -66,11 +66,14 @@ class SystemDocument:
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
         path = fmu_file("fmu", fmu)
-        name = path.stem
-        part = SystemComponent.read(name, path, starts or {}, isolated=isolated)
-        return cls(
-            name, {name: part}, experiment=DefaultExperiment(stop_time=part.fmu.experiment.stop_time), single=True
-        )
+        part = SystemComponent.read(path.stem, path, starts or {}, isolated=isolated)
+        return cls(part.name, {part.name: part}).as_single()
+
+    def as_single(self) -> SystemDocument:
+        """The system as its first FMU, which gives it its name and stop time; the others are its operators."""
+        first = next(iter(self.parts.values()))
+        experiment = DefaultExperiment(stop_time=first.fmu.experiment.stop_time)
+        return replace(self, name=first.name, experiment=experiment, single=True)
 
     @cached_property
     def graph(self) -> ConnectionGraph:
