@@ -23,6 +23,8 @@ from .cosim import read_result as read_result
 from .cosim import sampled as sampled
 from .derivatives import gradient as gradient
 from .derivatives import sensitivities as sensitivities
+from .engines import MujocoOperator as MujocoOperator
+from .engines import PinocchioOperator as PinocchioOperator
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .formulas import DisplayedEquations as DisplayedEquations
