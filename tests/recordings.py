@@ -1,12 +1,14 @@
 """Record what runs, plans, fits and derivatives give, to the last bit, and compare two records.
 
-    python tests/recordings.py record FILE [NAME...]      all scenarios and components of the catalogue, or those named
+    python tests/recordings.py record FILE [NAME...]      all, or those named: scenarios, components of the catalogue,
+                                                          "systems" (those of recorded_systems.py), one of these
     python tests/recordings.py compare OLD NEW            exit status 1 if a number differs or is missing
 
 The proof that a redesign changed no result: record before, record after, compare.  Only the public API is used, so that
 both trees are recorded by the same file, ``PYTHONPATH=TREE/components python tests/recordings.py record FILE``.
 
 - of a scenario: what each of its claims compares (systems, sweeps, ensembles, plans, feedback, fits, derivatives);
+- of a system: times, values, coupling errors, warnings, and the same in steps with branches;
 - of a component: all outputs of its FMU, with prescribed coordinates that move, in the three reconstructions of inputs.
 """
 
@@ -24,6 +26,7 @@ from numpy.typing import NDArray
 from liaisons import LiaisonsError, Result, fmu_path, simulate
 from liaisons.library import component, component_names, model
 from liaisons_tools.scenarios import Claims, load, names
+from recorded_systems import SYSTEMS, of_system
 
 STOP, STEP, AMPLITUDE, FREQUENCY = 1.0, 0.02, 0.02, 3.0
 """Of the runs of components [s, s, unit of the coordinate, rad/s]: small enough for every domain of the catalogue."""
@@ -93,7 +96,8 @@ def inputs_of(name: str) -> Any:
 def all_records(chosen: list[str]) -> Iterator[tuple[str, Record]]:
     """Yield names and records, those of components first; of what is refused, its sentence."""
     work = dict.fromkeys(component_names(), of_component) | dict.fromkeys(names(), of_scenario)
-    for name in chosen or work:
+    work |= dict.fromkeys(SYSTEMS, of_system)
+    for name in (SYSTEMS if chosen == ["systems"] else chosen) or work:
         try:
             yield name, work[name](name)
         except LiaisonsError as error:

@@ -320,6 +320,11 @@ def _description(name: str, source: Source) -> str:
 </fmiModelDescription>"""
 
 
+def little_fmu(directory: Path, name: str) -> Path:
+    """Build one of the FMUs above by its name."""
+    return _build(directory, name, globals()[name.upper()])
+
+
 def _build(directory: Path, name: str, source: Source) -> Path:
     starts = [(k, v.start) for k, v in enumerate(source.variables) if isinstance(v.start, float) or v.kind == "Integer"]
     replacements = {
@@ -348,7 +353,7 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
 
     def path(name: str) -> Path:
         there = directory / f"{name}.fmu"
-        return there if there.exists() else _build(directory, name, globals()[name.upper()])
+        return there if there.exists() else little_fmu(directory, name)
 
     return path
 
