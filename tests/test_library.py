@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, start, sweep
-from liaisons.base.project import ProjectError
 from liaisons.cosim import Settings
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, ProjectError
 from liaisons.library import variables
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.base.version import __date__, __version__
+from liaisons import __date__, __version__
 
 ROOT = Path(__file__).parents[1]
 

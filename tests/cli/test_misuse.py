@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from liaisons import System
-from liaisons.base.project import ProjectError
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, ProjectError
 from liaisons.library import catalogue, catalogue_names
 
 from .conftest import Cli, is_misuse

@@ -16,7 +16,6 @@ import pytest
 from liaisons import System
 from liaisons.base import memory
 from liaisons.cosim import Result, simulate
-from liaisons.cosim.structure.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path
 
@@ -115,7 +114,7 @@ def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPat
 
 def test_a_step_smaller_than_the_rounding_of_time() -> None:
     with pytest.raises(SimulationError, match=r"step_size = 0\.1: smaller than the rounding of times up to 1e\+17"):
-        communication_points(1e17 - 1e3, 1e17, 0.1)
+        simulate("Pendulum", start_time=1e17 - 1e3, stop_time=1e17, step_size=0.1)
 
 
 def test_the_default_experiment_says_when_to_begin(simulated: Simulated, tmp_path: Path) -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from liaisons import System, equations, modelica, operator, simulate
+from liaisons import System, __version__, equations, modelica, operator, simulate
 from liaisons.base.published import published_components
-from liaisons.base.version import __version__
 from liaisons.errors import ProjectError
 from liaisons.fmu.origin import provenance
 from liaisons.library import component_names, components, variables

@@ -10,7 +10,7 @@ from zipfile import ZipFile
 import pytest
 
 from liaisons.base.archive import Archive
-from liaisons.base.related_files import FOLDER, related_files
+from liaisons.base.related_files import related_files
 from liaisons.check import Verdict
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
@@ -50,7 +50,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def edited(fmu: Path, folder: Path, file: str, edit: Edit) -> Path:
     """A copy of an FMU, one of whose related files is changed."""
-    copy, changed = folder / fmu.name, f"{FOLDER}/{file}"
+    copy, changed = folder / fmu.name, f"extra/org.fmi-standard.fmi-ls-ref/{file}"
     with ZipFile(fmu) as old, ZipFile(copy, "w") as new:
         for name in old.namelist():
             content = old.read(name)

@@ -17,6 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from liaisons import Result, System
+from liaisons.cosim import SystemComponent
 
 FmuPaths = Callable[[str], Path]
 """Path of an FMU by its name; see the fixtures."""
@@ -50,6 +51,11 @@ def wired(*links: str, **parts: Path | tuple[Path, dict[str, Any]]) -> System:
         source, target = (system.parts[end.partition(".")[0]][end.partition(".")[2]] for end in link.split(" -> "))
         system.connect(source, target)
     return system
+
+
+def read(path: Path) -> Any:
+    """The description of an FMU."""
+    return SystemComponent.read(path.stem, path, {}).fmu
 
 
 def coupling_errors(result: Result) -> NDArray[np.float64]:

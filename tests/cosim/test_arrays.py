@@ -5,19 +5,22 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
 import pytest
+from making import read
 from numpy.testing import assert_array_equal
 
-from liaisons.cosim import Result
-from liaisons.cosim.description.fmu import LONGEST, Fmu, read
-from liaisons.cosim.description.start_values import start_values
+from liaisons.cosim import Result, SystemComponent
 from liaisons.errors import SimulationError
 
-Describe = Callable[..., Fmu]
+Describe = Callable[..., Any]
 
+
+LONGEST = 1000
+"""Elements up to which an array is recorded by default."""
 
 FIRST = 5000
 """Value reference of the first variable; they fall from there."""
@@ -36,7 +39,7 @@ def _scalar(reference: int, name: str, causality: str, unit: str) -> str:
 def described(tmp_path: Path) -> Describe:
     """An FMU of FMI 2.0 with these variables: ``(name, causality, unit)``; inputs and parameters start at 0."""
 
-    def make(*variables: tuple[str, str, str], structure: str = "") -> Fmu:
+    def make(*variables: tuple[str, str, str], structure: str = "") -> Any:
         listed = "".join(_scalar(FIRST - k, *variable) for k, variable in enumerate(variables))
         path = tmp_path / "Described.fmu"
         with zipfile.ZipFile(path, "w") as archive:
@@ -73,10 +76,10 @@ def test_matrix(described: Describe) -> None:
     assert fmu.arrays == {"m": (2, 3)}
     assert fmu.variables["m[2,1]"].reference == FIRST - 3
     assert "m[3,1]" not in fmu.variables
-    given = start_values("d", fmu, {"m": [[1, 2, 3], [4, 5, 6]], "m[2,1]": 7})
+    given = SystemComponent.read("d", fmu.path, {"m": [[1, 2, 3], [4, 5, 6]], "m[2,1]": 7}).starts
     assert given == {"m": (1.0, 2.0, 3.0, 7.0, 5.0, 6.0)}
     with pytest.raises(SimulationError, match=r"d\.m = .*: 3×2 values, but the array has 2×3"):
-        start_values("d", fmu, {"m": np.zeros((3, 2))})
+        SystemComponent.read("d", fmu.path, {"m": np.zeros((3, 2))})
 
 
 @pytest.mark.parametrize(

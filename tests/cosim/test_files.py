@@ -9,10 +9,9 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from making import FmuPaths, rewritten
+from making import FmuPaths, read, rewritten
 
 from liaisons.cosim import System, simulate
-from liaisons.cosim.description.fmu import read
 from liaisons.errors import SimulationError
 
 Change = Callable[[Callable[[str, bytes], tuple[str, bytes]]], Path]

@@ -9,11 +9,10 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from making import packed
+from making import packed, read
 from numpy.testing import assert_array_equal
 
 from liaisons.cosim import IncompleteError, System, simulate
-from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.errors import ConnectError, SimulationError

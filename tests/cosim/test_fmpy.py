@@ -16,7 +16,6 @@ from fmpy.sundials import CVodeSolver
 from making import FmuPaths, Trace, exchange_only, wired
 
 from liaisons.base.unit_definitions import UnitDefinition
-from liaisons.base.units import BASE
 from liaisons.cosim import System, read_description
 from liaisons.cosim.instances import loading
 from liaisons.errors import SimulationError
@@ -119,7 +118,9 @@ def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str
         assert unit
         assert base
         assert ours.units[unit] == UnitDefinition(
-            tuple(getattr(base, quantity) for quantity in BASE), base.factor, base.offset
+            tuple(getattr(base, quantity) for quantity in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")),
+            base.factor,
+            base.offset,
         )
     assert len(ours.outputs) == len(theirs.outputs)
     assert ours.states == len(theirs.derivatives)

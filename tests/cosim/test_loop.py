@@ -11,7 +11,7 @@ from collections.abc import Callable
 from ctypes import byref, c_void_p
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pytest
@@ -25,7 +25,6 @@ from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.running import loop
 from liaisons.errors import BuildError, SimulationError
 from liaisons.fmu import build
-from liaisons.fmu.layout import Fmi
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
 
@@ -39,8 +38,8 @@ Versions = dict[tuple[str, str], Path]
 def versions(tmp_path_factory: pytest.TempPathFactory) -> Versions:
     """Native FMUs by component and version of FMI."""
     folder = tmp_path_factory.mktemp("versions")
-    kinds = [(name, fmi) for name in ("Pendulum", "Sinusoid") for fmi in get_args(Fmi)]
-    return {(n, fmi): build(assemble(catalogue()[n]), folder, backend="native", fmi=fmi) for n, fmi in kinds}
+    models, both = {n: assemble(catalogue()[n]) for n in ("Pendulum", "Sinusoid")}, get_args(Literal["2", "3"])
+    return {(n, fmi): build(m, folder, backend="native", fmi=fmi) for n, m in models.items() for fmi in both}
 
 
 @pytest.fixture

@@ -18,14 +18,13 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
-from making import FmuPaths, described, members
+from making import FmuPaths, described, members, read
 from numpy.testing import assert_array_equal
 from schemas import validated
 
 from liaisons import System, start, sweep
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim import DefaultExperiment, simulate
-from liaisons.cosim.description.fmu import read
 from liaisons.cosim.instances import make_instance
 from liaisons.errors import SimulationError
 from liaisons.fmu import build

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from making import FmuPaths, described, members, rewritten, wired
+from making import FmuPaths, described, members, read, rewritten, wired
 from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import compare, simulate
-from liaisons.cosim.description.fmu import read
-from liaisons.cosim.description.terminals import TERMINALS, Terminals
+from liaisons.cosim.description.terminals import Terminals
 from liaisons.cosim.description.variables import Array, Scalar, Variables
 from liaisons.errors import ConnectError
 
@@ -23,6 +22,7 @@ MASS = {"q": "alpha", "q_dot": "beta", "q_ddot": "gamma", "q_load": "delta"}
 SPRING = {"length": "one", "length_dot": "two", "length_ddot": "three", "length_force": "four"}
 CUBIC = {"y": "s", "y_dot": "v", "y_ddot": "a"}
 Renamed = Callable[..., Path]
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 
 
 def _terminal(name: str, members: Mapping[str, str], flow: str = "signal", kind: str = "x", rule: str = "plug") -> str:

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from making import FmuPaths
+from making import FmuPaths, read
 
 from liaisons.check import slope
 from liaisons.cosim import System
-from liaisons.cosim.description.fmu import read
 
 SPRING_2 = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real

@@ -8,6 +8,7 @@ the errors of their steps add up.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,6 @@ from liaisons import (
     simulate,
     sweep,
 )
-from liaisons.base.compiler import zig_compiler
 from liaisons.cosim import Result
 from liaisons.errors import SimulationError
 from liaisons.language import Component
@@ -682,7 +682,7 @@ def try_picture(workshop: Workshop, kind: str) -> None:
 
 def try_live_page(workshop: Workshop, kind: str) -> None:
     """In a browser, where the page's own operators move the coordinates, from rest within a step of 8 ms."""
-    if BROWSER is None or zig_compiler() is None:
+    if BROWSER is None or find_spec("ziglang") is None:
         pytest.skip("chromium (or google-chrome) or ziglang is missing")
     made, subject = workshop.made(kind), SUBJECTS[kind]
     path = workshop.folder / f"{kind} live.html"
@@ -740,7 +740,7 @@ def read(instance: Instance, kind: str) -> dict[str, float]:
 
 
 def try_wasm(workshop: Workshop, kind: str) -> None:
-    if zig_compiler() is None:
+    if find_spec("ziglang") is None:
         pytest.skip("ziglang is not installed")
     instance = begun(WasmLibrary(workshop.fmu(kind, platforms="wasm", fmi="3")), kind)
     for k, t in enumerate(T[:-1], start=1):

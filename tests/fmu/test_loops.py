@@ -16,7 +16,7 @@ import pytest
 from handmade import ring
 from numpy.typing import NDArray
 
-from liaisons.base.compiler import FLAGS, system_compiler
+from liaisons.base.compiler import system_compiler
 from liaisons.chains import Chain
 from liaisons.chains.loops import PREAMBLE
 from liaisons.fmu import coupled_state_count
@@ -116,7 +116,7 @@ def compiled(codes: Mapping[str, Code], folder: Path, *flags: str) -> c.CDLL:
     ]
     texts = ["#include <math.h>", "#include <stddef.h>", PREAMBLE, *(code.text for code in codes.values()), *calls]
     (folder / "loops.c").write_text("\n".join([*texts, ""]))
-    common = [flag for flag in FLAGS if flag != "-fvisibility=hidden"]
+    common = ["-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared"]  # as FMUs are
     command = [*compiler, *common, *WARNINGS, *flags, "loops.c", "-o", "loops.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     return c.CDLL(str(folder / "loops.so"))

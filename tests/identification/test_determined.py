@@ -12,7 +12,6 @@ from liaisons.chains import Chain
 from liaisons.language import Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble
-from liaisons.mechanics.model import contact_names
 from liaisons_motion.derivatives import motion_of
 
 PAGE = Path(__file__).parents[2] / "docs/reference/determined.md"
@@ -29,7 +28,9 @@ all free coordinates over time, then from these and the forces of all operators.
 DEPENDENT = ("CartesianPendulum", "IsokineticOscillator", "Satellite", "SpatialCat")
 """Their start values satisfy a condition, so that not all of them can be unknown."""
 # Which parameters of contacts count changes from event to event.
-MECHANISMS = [n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not contact_names(c)]
+MECHANISMS = [
+    n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not (c.unilaterals or c.dry_frictions)
+]
 
 
 def values(name: str, model: Model) -> dict[str, float]:

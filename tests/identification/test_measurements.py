@@ -11,7 +11,7 @@ import pytest
 from liaisons import System, identify, simulate
 from liaisons.base.units import size_in_si
 from liaisons.errors import IdentificationError
-from liaisons.library.flattening import composed_model
+from liaisons.library import composed_model
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
 from liaisons_motion.identification.measurements import Measurements, measurements, noise_levels

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from liaisons import Body, Linkage, ground
-from liaisons.linkages.joints import MOMENTS, unit_vector
 
 State = Mapping[str, float]
 """Coordinates, quaternions and their rates, by their names in an FMU."""
 
 
+_MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")  # as a declaration has them
 _COUNTS = (7, 4, 1, 1)  # of coordinates, by the types of MuJoCo's joints: free, ball, slide, hinge
 
 
@@ -41,10 +41,16 @@ def inertia_of(body: Body) -> np.ndarray:
     """Tensor (3, 3) of a declaration."""
     moments: Any = body.inertia if isinstance(body.inertia, tuple) else [body.inertia] * 3
     tensor = np.zeros((3, 3))
-    for name, value in zip(MOMENTS, moments, strict=False):
+    for name, value in zip(_MOMENTS, moments, strict=False):
         i, j = ("xyz".index(axis) for axis in name)
         tensor[i, j] = tensor[j, i] = value
     return tensor
+
+
+def unit_vector(axis: Any) -> np.ndarray:
+    """Of the name of an axis, or of numbers."""
+    numbers = np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else np.array(axis, float)
+    return numbers / np.linalg.norm(numbers)
 
 
 def joints_of(tree: type[Linkage]) -> list[Any]:

@@ -38,9 +38,12 @@ from liaisons import (
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import Mechanism
 from liaisons.linkages.printing import of_linkage
-from liaisons.mechanics.equations import QUANTITIES
 from liaisons.models import Arm, Sinusoid
 
+QUANTITIES = (
+    *("mass_matrix", "momenta", "velocities", "momentum_rates", "accelerations", "operator_forces", "effective_mass"),
+    *("kinetic_energy", "potential_energy", "energy", "power", "dissipation"),
+)
 ROD = {"mass": 2.0, "inertia": (0.01, 0.2, 0.2), "centre": (0.5, 0.0, 0.0)}
 
 

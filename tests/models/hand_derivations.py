@@ -16,7 +16,6 @@ from on_paper import State, cross, defaults, dot, equations_of, random_states, v
 from scipy.spatial.transform import Rotation
 
 from liaisons.language import Mechanism, Orientation
-from liaisons.mechanics.model import contact_names
 from liaisons.models import (
     CATALOGUE,
     ChargedParticle,
@@ -450,4 +449,4 @@ MECHANISMS = [  # those whose coordinates may take any values; the others have t
     if issubclass(c, Mechanism) and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 WITHOUT_ORIENTATION = [c for c in MECHANISMS if not c.orientations]
-SMOOTH = [c for c in WITHOUT_ORIENTATION if not contact_names(c)]  # no contacts, and so no events
+SMOOTH = [c for c in WITHOUT_ORIENTATION if not (c.unilaterals or c.dry_frictions)]  # no contacts, and so no events

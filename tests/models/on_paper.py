@@ -17,7 +17,6 @@ from liaisons.check import max_error
 from liaisons.cosim import Result, System, simulate
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
-from liaisons.mechanics.equations import QUANTITIES
 
 HOLD, EXTRAPOLATE, INTERPOLATE = 0, 1, 2  # input_reconstruction
 BACKENDS = ["native", "python"]
@@ -50,16 +49,11 @@ class State(dict[str, float]):
     def __call__(self, what: str | ca.SX) -> Any:
         """The value of a quantity, of an output or of an expression; a number where it has one element."""
         equations = equations_of(self.component)
-        if isinstance(what, str) and what in QUANTITIES:
-            value = equations.evaluate(what, **self)
-        else:
-            expression: ca.SX = what  # type: ignore[assignment]
-            if isinstance(what, str):
-                expression = getattr(equations if hasattr(equations, what) else equations.mechanism, what)
-            function = ca.Function(
-                "value", [*equations.symbols.values()], [ca.densify(equations.in_motion(expression))]
-            )
-            value = np.asarray(function(*equations.numbers(self).values()))
+        expression: ca.SX = what  # type: ignore[assignment]
+        if isinstance(what, str):
+            expression = getattr(equations if hasattr(equations, what) else equations.mechanism, what)
+        function = ca.Function("value", [*equations.symbols.values()], [ca.densify(equations.in_motion(expression))])
+        value = np.asarray(function(*equations.numbers(self).values()))
         return value.item() if value.size == 1 else np.squeeze(value)
 
 

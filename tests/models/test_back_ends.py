@@ -10,7 +10,6 @@ import pytest
 from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
 from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of
 
-from liaisons.base.array_names import suffixed_name
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.language import Mechanism, Operator
@@ -20,6 +19,12 @@ from liaisons.models import CATALOGUE
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 
 
+def suffixed(name: str, suffix: str) -> str:
+    """``x_dot[2]`` of ``x[2]``."""
+    stem, bracket, index = name.partition("[")
+    return f"{stem}{suffix}{bracket}{index}"
+
+
 def expressions(equations: Equations) -> dict[str, ca.SX]:
     """What the outputs of an FMU are, in the symbols of the mechanism."""
     m = equations.mechanism
@@ -27,7 +32,7 @@ def expressions(equations: Equations) -> dict[str, ca.SX]:
         name: getattr(equations, name) for name in ("kinetic_energy", "potential_energy", "energy")
     }
     for i, q in enumerate(map(str, ca.vertsplit(m.free.q))):
-        found |= {suffixed_name(q, "_ddot"): equations.accelerations[i], f"p_{q}": equations.momenta[i]}
+        found |= {suffixed(q, "_ddot"): equations.accelerations[i], f"p_{q}": equations.momenta[i]}
     for i, s in enumerate(m.actives):
         found |= {f"{s.name}_force": equations.operator_forces[i]}
         found |= {f"{s.name}_power": equations.operator_forces[i] * m.active.s_dot[i]}
@@ -71,9 +76,9 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
 @pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
 def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu) -> None:
     """While loads, or σ̇ and σ̈, are 0 shorter equations hold; with 1e-290, too small for any sum, the whole ones."""
-    start: dict[str, Any] = {suffixed_name(q.name, "_dot_0"): 1.0 for q in component.coordinates}
+    start: dict[str, Any] = {suffixed(q.name, "_dot_0"): 1.0 for q in component.coordinates}
     moving: dict[str, Any] = {f"{s.name}_{of}": 1e-290 for s in component.actives for of in ("dot", "ddot")}
-    loads: dict[str, Any] = {suffixed_name(q.name, "_load"): 1e-290 for q in component.coordinates}
+    loads: dict[str, Any] = {suffixed(q.name, "_load"): 1e-290 for q in component.coordinates}
     free, *others = (
         simulate(fmu(component), stop_time=2.0, step_size=0.1, input_reconstruction=HOLD, **start, **more)
         for more in ({}, moving, loads, moving | loads)

@@ -12,8 +12,7 @@ import pytest
 from on_paper import BACKENDS
 
 from liaisons import simulate
-from liaisons.cosim import System
-from liaisons.cosim.description import fmu as cosim_description
+from liaisons.cosim import System, SystemComponent
 from liaisons.errors import ComponentError
 from liaisons.language import Input, InternalState, Operator, Parameter
 from liaisons.mechanics import Model, assemble
@@ -111,7 +110,7 @@ def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component:
     values, jumps = ANNOUNCED[component]
     backend, fmi = kind.split()
     file = fmu(component, "python" if backend == "python" else "native", fmi=fmi)
-    assert cosim_description.read(file).next_event_variable is not None
+    assert SystemComponent.read("operator", file, {}).fmu.next_event_variable is not None
     times = np.linspace(0, 1, 11)
     if backend == "exchange":
         starts = {f"{k}[{i + 1}]": x for k, column in values.items() for i, x in enumerate(np.ravel(column))}
@@ -135,7 +134,7 @@ def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component:
 
 
 def test_what_is_smooth_announces_nothing(fmu) -> None:
-    assert cosim_description.read(fmu(Sinusoid)).next_event_variable is None
+    assert SystemComponent.read("operator", fmu(Sinusoid), {}).fmu.next_event_variable is None
 
 
 def test_the_name_of_the_next_event_is_reserved() -> None:

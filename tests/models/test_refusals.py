@@ -14,7 +14,6 @@ from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
 from liaisons.language import Component
 from liaisons.mechanics import assemble
-from liaisons.mechanics.model import contact_names
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
@@ -63,7 +62,12 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
 @pytest.mark.parametrize(
     ("component", "backend"),
     # Contacts and samples are native only.
-    [(c, b) for c in CATALOGUE for b in BACKENDS if b == "native" or not (contact_names(c) or c.is_sampled())],
+    [
+        (c, b)
+        for c in CATALOGUE
+        for b in BACKENDS
+        if b == "native" or not (getattr(c, "unilaterals", ()) or getattr(c, "dry_frictions", ()) or c.is_sampled())
+    ],
 )
 @pytest.mark.variants(core="Pendulum-native")
 def test_fmu_names_what_lies_outside_of_its_domain(component, fmu, backend: str) -> None:

@@ -6,7 +6,7 @@ from math import prod
 from typing import Any
 
 from liaisons import Controller, Observer, Plan
-from liaisons.base.units import ANY, powers
+from liaisons.base.units import powers
 from liaisons.library import component, model
 
 Scale = tuple[float, float, float]
@@ -23,7 +23,7 @@ def verified(subject: Plan | Controller | Observer) -> list[str]:
 
 def size(unit: str, scale: Scale) -> float:
     """By how much a number with a unit is larger."""
-    return 1.0 if unit == ANY else prod(factor**power for factor, power in zip(scale, powers(unit)[:3], strict=True))
+    return 1.0 if not unit else prod(factor**power for factor, power in zip(scale, powers(unit)[:3], strict=True))
 
 
 def sizes(mechanism: Any, scale: Scale) -> dict[str, float]:

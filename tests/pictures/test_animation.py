@@ -17,16 +17,16 @@ from scipy.spatial.transform import Rotation
 from liaisons import Result, System, operator, simulate
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.fmi2 import CoSimulation2
-from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.results import Picture
 from liaisons_pages.pictures import Stage, motion_frames, picture_frames
-from liaisons_pages.pictures.frames import RATE
 from liaisons_pages.pictures.gltf import _MESHES, _material, _quaternions_of_axes
-from liaisons_pages.pictures.stage import LIGHT, camera_facing, rgb
+from liaisons_pages.pictures.stage import camera_facing
 
 from .conftest import MECHANISMS, Fmu, Moved
+
+RATE = 30  # frames a second
 
 
 @pytest.fixture(scope="module")
@@ -215,9 +215,9 @@ def test_an_fmu_that_warns_is_drawn_and_one_that_refuses_is_named(
 
         monkeypatch.setattr(CoSimulation2, "getter", prepare)
 
-    returning(WARNING)
+    returning(1)  # Warning
     assert swing.scene.values(signals)["bob_x"] == pytest.approx(np.sin([0.3]), abs=1e-12)
-    returning(ERROR)
+    returning(3)  # Error
     with pytest.raises(SimulationError, match=r"fmi2GetReal in frame 0 returned Error"):
         swing.scene.values(signals)
 
@@ -313,13 +313,11 @@ def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float
     centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]
     expected = sorted(camera_facing(None, turn).project(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
     assert sorted(face.corners.mean(axis=0).tolist() for face in sides) == [pytest.approx(e) for e in expected]
-    lit = [
-        face.corners.mean(axis=0).tolist() for face in sides if max(face.colour[:3]) > 0.56 * max(rgb("box"))
-    ]  # or 0.55
+    lit = [face.corners.mean(axis=0).tolist() for face in sides if max(face.colour[:3]) > 0.56 * 0xB5 / 255]  # or 0.55
     towards = [
         camera_facing(None, turn).project(centre)[:2].tolist()
         for centre in centres
-        if min(centre @ eye, centre @ LIGHT) > 0
+        if min(centre @ eye, centre @ (-0.35, -0.6, 0.72)) > 0  # the light comes from the left, in front and above
     ]
     assert sorted(lit) == [pytest.approx(e) for e in sorted(towards)]
 

@@ -16,16 +16,19 @@ from numpy.typing import NDArray
 from liaisons import ActiveCoordinate, Ball, Coordinate, Flash, Floor, Mechanism, Parameter, Rope, Shapes
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import unilateral
-from liaisons.mechanics.pictures import mechanism_picture
+from liaisons.mechanics import assemble
 from liaisons.results import Picture
 from liaisons_pages.pictures import Stage, animate, picture_frames
-from liaisons_pages.pictures.frames import FLASH, RATE, THICKNESS
-from liaisons_pages.pictures.stage import TEETH, camera_facing, rgb
+from liaisons_pages.pictures.stage import camera_facing
 
 from .test_animation import content, numbers, omedit
 from .test_schema import SCHEMA, fits
 
 ROUNDING = 1e-12
+RATE = 30  # frames a second
+FLASH = 6  # frames that a flash takes
+THICKNESS = 0.04  # of a floor, as a fraction of its width
+TEETH = 24  # that hatch a floor
 
 
 class _Bouncing(Mechanism):
@@ -53,8 +56,9 @@ class _Bouncing(Mechanism):
 
 
 def document(component: type[Mechanism] = _Bouncing) -> dict[str, Any]:
-    m = component()
-    return dict(mechanism_picture(m, {"height": m.height, "table": m.table}).document)
+    picture = assemble(component).picture
+    assert picture is not None
+    return dict(picture)
 
 
 def test_the_file_names_the_count_of_impacts_and_is_of_version_1_1() -> None:
@@ -133,9 +137,7 @@ def test_a_floor_in_space_hides_nothing_from_above_and_all_from_below() -> None:
         picture, height = Picture((ball, floor)), np.array([0.02 * up])
         seen = picture_frames(picture, np.zeros(1), {"up": height}.__getitem__, title="it")
         faces = Stage(seen).faces(0)
-        of_floor = [
-            face.colour[2] / face.colour[0] == pytest.approx(rgb("floor")[2] / rgb("floor")[0]) for face in faces
-        ]
+        of_floor = [face.colour[2] / face.colour[0] == pytest.approx(0xA0 / 0x85) for face in faces]
         assert of_floor == ([*[True] * 3, False, False] if up > 0 else [False, False, *[True] * 3])  # the last is seen
 
 

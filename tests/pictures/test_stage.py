@@ -7,9 +7,9 @@ import pytest
 
 from liaisons.results import Picture
 from liaisons_pages.pictures import Stage, picture_frames
-from liaisons_pages.pictures.frames import RATE
-from liaisons_pages.pictures.stage import SIZES
 
+RATE = 30  # frames a second
+ROD = 0.011  # radius of a rod, as a fraction of the extent
 TURNS = np.linspace(0, 2 * np.pi, 7)
 
 
@@ -30,7 +30,7 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
         end = stage.frames.shapes[0].points[2, 0]
         along = end[::2] / np.linalg.norm(end)
         aside = (rod.corners + stage.middle[2, ::2]) @ (-along[1], along[0])
-        assert [aside.min(), aside.max()] == pytest.approx([-SIZES["rod"] * stage.extent, SIZES["rod"] * stage.extent])
+        assert [aside.min(), aside.max()] == pytest.approx([-ROD * stage.extent, ROD * stage.extent])
 
 
 @pytest.mark.parametrize("count", [40, 200])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from liaisons_tools.sweeps import SweepError, grid, sample
-from liaisons_tools.sweeps.cases import checked_cases
+from liaisons_tools.sweeps import SweepError, grid, sample, sweep
 
 
 def test_the_last_name_of_a_grid_runs_fastest() -> None:
@@ -39,7 +38,7 @@ def test_a_normal_distribution_is_one() -> None:
         (grid, {"a": [1, np.nan]}, "a has values that are not finite"),
         (grid, {"a": ["x"]}, "a = "),
         (grid, {"a": np.arange(10_000.0), "b": np.arange(10_000.0)}, "100000000 cases are too many"),
-        (checked_cases, {"a": [1, 2], "b": [1]}, "a 2, b 1"),
+        (lambda over: sweep("Pendulum", over, ["theta"]), {"mass": [1, 2], "length": [1]}, "mass 2, length 1"),
     ],
 )
 def test_misuse(make, over, message) -> None:
