@@ -9,9 +9,8 @@ The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, final
 
@@ -21,10 +20,9 @@ from liaisons.base.clocks import time_rounding
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.stepping import save_state, state_calls
+from liaisons.cosim.running.moment import Moments
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import RefusedError
 
@@ -70,7 +68,6 @@ class CommunicationSteps:
     """
 
     simulation: Simulation
-    instances: Instances
     bus: Bus
     calls: Sequence[Call]
     watch: Sequence[Call]
@@ -78,11 +75,6 @@ class CommunicationSteps:
     breaks: Breaks
     deviations: Deviations
     estimate: Estimate
-
-    @cached_property
-    def states(self) -> Sequence[tuple[Call, Call]]:
-        """Calls that save and restore each FMU at the start of a step."""
-        return state_calls(self.instances)
 
     def step(self, start: float, stop: float) -> Point:
         """Step from one instant to another [s]; returns the point that is reached."""
@@ -103,11 +95,6 @@ class CommunicationSteps:
             bus.perform(self.calls[1:])
         self.breaks.find_next(stop)
         return bus.values
-
-    def save(self) -> Callable[[], None]:
-        """Save the present state, and that of the estimate; returns a function that restores both."""
-        memories = [] if self.coupled is None else [self.coupled.memory]
-        return save_state(self.bus, self.states, [*memories, self.estimate])
 
     def end_before_break(self, now: float, end: float, size: float) -> float | None:
         """End of a step of some size [s]: its own end, or an instant shortly before a break.
@@ -132,7 +119,7 @@ class CommunicationSteps:
         return Point(stop, self.step_across_break(now, stop).copy(), result_time, after_break=True)
 
 
-def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
+def adapt_steps(steps: CommunicationSteps, moments: Moments) -> Iterator[Point]:
     """Step by sizes that keep the error of each step below the tolerance.
 
     :returns: communication points after the start.
@@ -156,7 +143,7 @@ def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
             yield point._replace(result_time=now)
             continue
         count = 2 if len(points) == 1 and steps.estimate.can_estimate else 1  # of one step alone there is no estimate
-        go_back = steps.save()
+        before = moments.save(now)
         ends, error, refusal = _attempt_steps(steps, points, stop, count)
         error /= tolerance
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
@@ -174,10 +161,10 @@ def adapt_steps(steps: CommunicationSteps) -> Iterator[Point]:
         if size <= shortest:
             why = refusal or f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {why}")
-        go_back()
+        moments.restore(before)
 
 
-def divide_steps(steps: CommunicationSteps) -> Iterator[Point]:
+def divide_steps(steps: CommunicationSteps, moments: Moments) -> Iterator[Point]:
     """Step between the communication points by equal steps, whose errors add up to less than the tolerance.
 
     :returns: communication points after the start.
@@ -198,7 +185,7 @@ def divide_steps(steps: CommunicationSteps) -> Iterator[Point]:
                 continue
             if len(points) == 1:
                 count = max(count, 2)  # of one step alone there is no estimate
-            ends, added, factor = _divide_step(steps, points, stop, count)
+            ends, added, factor = _divide_step(steps, moments, points, stop, count)
             error, now = error + added, stop
             points = [*points, *ends][-_MEMORY:]
             count = max(1, math.ceil(len(ends) * max(factor, 0.5)))
@@ -206,7 +193,7 @@ def divide_steps(steps: CommunicationSteps) -> Iterator[Point]:
 
 
 def _divide_step(
-    steps: CommunicationSteps, points: Sequence[Point], stop: float, count: int
+    steps: CommunicationSteps, moments: Moments, points: Sequence[Point], stop: float, count: int
 ) -> tuple[list[Point], float, float]:
     """Step to an instant [s] by equal steps, whose number follows from their errors.
 
@@ -214,7 +201,7 @@ def _divide_step(
     :param count: number of steps to try first.
     :returns: the ends of the steps, the sum of their errors, and the factor by which their number should grow.
     """
-    go_back = steps.save()
+    before = moments.save(points[-1].time)
     while True:
         ends, error, refusal = _attempt_steps(steps, points, stop, count)
         if refusal is not None and count > _MOST:
@@ -223,7 +210,7 @@ def _divide_step(
         if ends and (factor <= 1 / _SAFETY or count > _MOST):
             return ends, error, factor
         count = min(max(math.ceil(count * min(factor, 4.0)), count + 1), 2 * _MOST)
-        go_back()
+        moments.restore(before)
 
 
 def _attempt_steps(

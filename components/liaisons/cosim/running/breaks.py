@@ -93,6 +93,14 @@ class Breaks:
         """Size of the tiny step to a break at a time, beside steps of some size [s]."""
         return max(_SHORT * size, 10 * time_rounding(time), self._nearest)
 
+    def save(self) -> float:
+        """The next break [s], for :meth:`restore`."""
+        return self.next
+
+    def restore(self, saved: float) -> None:
+        """Set the next break to a saved one [s]."""
+        self.next = saved
+
     def find_next(self, time: float) -> None:
         """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
         if not (self._calls or self._drives):

@@ -17,7 +17,6 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import TYPE_CHECKING, Any, NoReturn, final
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,12 +53,13 @@ from liaisons.cosim.running.input_reconstruction import (
     prepare_initial_gains,
 )
 from liaisons.cosim.running.loop import Loop
-from liaisons.cosim.running.stepping import FreeInput, RunState, save_state, state_calls
+from liaisons.cosim.running.moment import Moment, Moments, Progress, state_calls
+from liaisons.cosim.running.stepping import FreeInput
 from liaisons.cosim.running.trial import try_to_start
+from liaisons.cosim.running.variables import RunVariables
 from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
-from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
@@ -86,9 +86,6 @@ _LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 _UNNOTICED_DELAY = 1e-3
 """Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
-
-Reading = tuple[Sequence[Call], Vector, Callable[[Vector], Any]]
-"""Calls that read a variable, the numbers that they write, and a function from these to its value."""
 
 
 @final
@@ -159,7 +156,6 @@ class Run:
             self._breaks = Breaks(simulation, self._instances, self._bus)
             self._steps = CommunicationSteps(
                 simulation,
-                self._instances,
                 self._bus,
                 step,
                 self._watchdog.calls,
@@ -176,14 +172,14 @@ class Run:
                 or any(part.approximation.takes_end_values for part in parts.values())
             )
             self._impacts = self._impacts_through(through)
-            memories = self._deviations.memory, self._coupled, self._impacts and self._impacts.memory
-            self._state_owners = [*simulation.drives, *filter(None, memories)]
             self._loop = Loop(
                 [*step, *self._watchdog.calls], self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS
             )
-            self._free_inputs: dict[str, FreeInput] = {}
-            self._readings: dict[str, Reading] = {}
-            self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
+            self._progress, self._variables = Progress(), RunVariables(simulation, self._instances, self._bus)
+            memories = self._coupled, self._impacts and self._impacts.memory
+            owners = [self._loop, *simulation.drives, self._deviations.memory, *filter(None, memories)]
+            also = [self._breaks, self._estimate, self._progress, self._variables]
+            self._moments = Moments(self, self._instances, self._bus, [*owners, *also])
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
             self.lateness: list[float] = []
             saves, self._restores = zip(*state_calls(self._instances), strict=True) if self.repeats else ((), ())
@@ -226,7 +222,7 @@ class Run:
         begin, end = simulation.times[0], simulation.times[-1]
         self._lost = True
         self._loop.truncate(0)
-        self._errors: list[float] = []  # of steps between communication points
+        self._progress.reset()
         bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
         self._deviations.memory.reset()
@@ -247,11 +243,9 @@ class Run:
         if self._impacts is not None:
             self._impacts.start()
         self._breaks.find_next(begin)
-        self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
         self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
         self.lateness.clear()
-        for free in self._free_inputs.values():
-            free.values[:] = np.nan
+        self._variables.forget()
         self._lost = False
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
@@ -265,16 +259,16 @@ class Run:
             self._step_to_point(len(simulation.times), on_progress)
             return
         self._estimate.reset()
-        for point in (divide_steps if simulation.adapts else adapt_steps)(self._steps):
+        for point in (divide_steps if simulation.adapts else adapt_steps)(self._steps, self._moments):
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
-                self._errors.append(point.error)
+                self._progress.errors.append(point.error)
             if on_progress:
                 on_progress(point.time)
 
     def _step_to_point(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
         """Step until a number of communication points is reached, and to the breaks between them."""
-        loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._points
+        loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._progress.points
         most = 1 if self._clock else _MOST_IN_BATCH if self._deviations else stop
         many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
         while done < stop:
@@ -305,7 +299,7 @@ class Run:
                 loop.add(
                     instant, self._steps.step_across_break(time, instant), result_time=result_time, after_break=True
                 )
-            self._points = done
+            self._progress.points = done
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PROGRESS_INTERVAL else many // 2))
             if on_progress:
                 on_progress(loop.end)
@@ -342,7 +336,7 @@ class Run:
         """
         inputs, outputs = name_list("inputs", inputs), name_list("outputs", outputs)
         free = [self._free_input(name) for name in inputs]
-        columns = [self._bus.index.get(self._reference(name)) for name in outputs]
+        columns = [self._bus.index.get(self._variables.reference(name)) for name in outputs]
         if None in columns:
             self._refuse(f"{outputs[columns.index(None)]} is not recorded; name it in record=[...]")
         indices, shape = as_indices(columns), (len(free),)
@@ -362,11 +356,13 @@ class Run:
     def _set_and_step(self, free: Sequence[FreeInput], values: Collection[ArrayLike]) -> None:
         """Set inputs whose values have changed, and step to the next communication point."""
         self._require_open()
-        times, points = self._simulation.times, self._points
+        times, points = self._simulation.times, self._progress.points
         if self._chooses_steps:
             self._refuse("errors choose its steps; give step_size, and leave error_tolerance out")
-        if self._end or points == len(times):
-            self._refuse(self._end or f"it has reached its end, t = {self.time:.10g} s; give a later stop_time")
+        if self._progress.end or points == len(times):
+            self._refuse(
+                self._progress.end or f"it has reached its end, t = {self.time:.10g} s; give a later stop_time"
+            )
         numbers = [one.checked_numbers(value) for one, value in zip(free, values, strict=True)]
         changed = [one.put for one, number in zip(free, numbers, strict=True) if one.assign(number)]
         try:
@@ -377,16 +373,16 @@ class Run:
                 self._step_to_point(points + 1)
             else:
                 self._loop.advance((times[points],))
-                self._points += 1
+                self._progress.points += 1
         except EndedError as ended:
-            self._end = str(ended)
+            self._progress.end = str(ended)
             logger.warning("%s", ended)
         except SimulationError as error:
             if error is self._watchdog.refusal:
-                self._end = "a constraint was not kept; restore a state, or start another run"
+                self._progress.end = "a constraint was not kept; restore a state, or start another run"
             raise IncompleteError(str(error), self.result) from error
         except KeyboardInterrupt:
-            self._end = "it was interrupted within a step; restore a state, or start another run"
+            self._progress.end = "it was interrupted within a step; restore a state, or start another run"
             raise
         self.wait()
 
@@ -405,19 +401,9 @@ class Run:
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
 
-    def _reference(self, name: str) -> VariableReference:
-        """Component and variable of a name in the result or in the system."""
-        if not isinstance(name, str):
-            self._refuse(f"variables go by name, {shown(name)} is none")
-        return self._simulation.recorded.get(name) or self._simulation.document.reference("variable", name)
-
     def _free_input(self, name: str) -> FreeInput:
-        if name not in self._free_inputs:
-            owner, variable = self._reference(name)
-            part, feeds = self._simulation.parts[owner], self._simulation.feeds
-            self._require_open()
-            self._free_inputs[name] = FreeInput(part, variable, self._instances[owner], feeds)
-        return self._free_inputs[name]
+        self._require_open()
+        return self._variables.free_input(name)
 
     def __getitem__(self, name: str) -> Any:
         """A value at the present time, whether it is recorded or not; of an array, all of them.
@@ -425,25 +411,7 @@ class Run:
         :raises SimulationError: for an unknown name, and after the run was closed.
         """
         self._require_open()
-        if not isinstance(name, str) or name not in self._readings:
-            self._readings[name] = self._prepare_reading(name)
-        calls, values, convert = self._readings[name]
-        self._bus.perform(calls)
-        return convert(values)
-
-    def _prepare_reading(self, name: str) -> Reading:
-        """Prepare the reading of a variable."""
-        owner, variable = self._reference(name)
-        part, column = self._simulation.parts[owner], self._bus.index.get((owner, variable))
-        scalars, shape = [part.scalar(n) for n in part.recordable_names(variable)], part.fmu.arrays.get(variable)
-        if column is None:
-            values = np.empty(len(scalars))
-            calls = [self._instances[owner].getter(scalars, values)]
-        else:
-            values, calls = self._bus.values[column : column + 1], list[Call]()
-        if scalars[0].type == "String":
-            return calls, values, lambda values: text(values[0]).decode(errors="replace")
-        return calls, values, lambda values: float(values[0]) if shape is None else values.reshape(shape).copy()
+        return self._variables.read(name)
 
     def _require_unclosed(self) -> None:
         if self._closed:
@@ -463,37 +431,27 @@ class Run:
     def _refuse(self, words: str) -> NoReturn:
         raise SimulationError(f"{self._simulation.title}: {words}")
 
-    def save(self) -> RunState:
+    def save(self) -> Moment:
         """Save the present state, to which the run can return any number of times.
 
         :raises SimulationError: if an FMU cannot return to a state.
         """
         self._require_open()
         self._require_states()
-        calls = self._unused_states.pop() if self._unused_states else state_calls(self._instances)
-        go_back = save_state(self._bus, calls, [self._loop, *self._state_owners])
-        inputs = {name: free.values.copy() for name, free in self._free_inputs.items()}
-        state = RunState(self, self.time, self._points, go_back, inputs)
-        finalize(state, self._unused_states.append, calls)
-        return state
+        return self._moments.save(self.time)
 
-    def restore(self, state: RunState) -> None:
+    def restore(self, state: Moment) -> None:
         """Return to a saved state, with the points that were recorded until then.
 
         :raises SimulationError: for the state of another run.
         """
         self._require_unclosed()
-        if not isinstance(state, RunState) or state.run is not self:
-            words = "is of another run" if isinstance(state, RunState) else "is no state of a run"
+        if not isinstance(state, Moment) or state.run is not self:
+            words = "is of another run" if isinstance(state, Moment) else "is no state of a run"
             self._refuse(f"{shown(state)} {words}; restore what its own save() has returned")
         self._lost = True
-        state.go_back()
+        self._moments.restore(state)
         self._lost = False
-        self._bus.set_step(state.time, state.time)
-        for name, free in self._free_inputs.items():
-            free.values[:] = state.inputs.get(name, np.nan)
-        self._points, self._end = state.points, ""
-        self._breaks.find_next(state.time)
 
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, without instantiating the FMUs again.
@@ -508,14 +466,13 @@ class Run:
         starts = merged_start_values(document.name, start_values, keywords)
         self._require_states()
         parts = document.with_start_values(starts).parts
-        before, end, errors = None if self._lost else self.save(), self._end, self._errors
+        before = None if self._lost else self.save()
         try:
             self.start(parts)
         except BaseException:
             if before is not None:
                 with suppress(SimulationError):
                     self.restore(before)
-                    self._end, self._errors = end, errors
             raise
 
     def linearize(self) -> Linearization:
@@ -637,7 +594,7 @@ class Run:
         """
         loop, refusals = self._loop, list[RefusedError]()
         first, start, halves = loop.done, loop.end, self._is_first_of_piece()
-        times, points, go_back = self._simulation.times, self._points, self._save_step()
+        times, points, go_back = self._simulation.times, self._progress.points, self._save_step()
         shortest = _LEAST_EXTRAPOLATED_STEP * (times[points] - times[points - 1])
 
         def attempt(stop: float, *, shown: bool = False) -> bool:
@@ -663,13 +620,8 @@ class Run:
 
     def _save_step(self) -> Callable[[], None]:
         """Save the state at the start of a step; returns a function that restores it, any number of times."""
-        done, restore = self._loop.done, save_state(self._bus, self._steps.states, self._state_owners)
-
-        def go_back() -> None:
-            self._loop.truncate(done)
-            restore()
-
-        return go_back
+        before = self._moments.save(self._loop.end)
+        return lambda: self._moments.restore(before)
 
     def _advance_without_impacts(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """Step to instants [s] up to the next break; returns how many were reached."""
@@ -753,15 +705,17 @@ class Run:
             words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
             logger.warning(words, result.title, len(late), len(self.lateness), max(late))
         if self._estimate.worst is not None and not self._missing:
-            self._estimate.worst.warn(float(np.nansum(self._errors)) if self._errors else self._estimate.total)
+            self._estimate.worst.warn(
+                float(np.nansum(self._progress.errors)) if self._progress.errors else self._estimate.total
+            )
         for contact, about in self._estimate.doubtful:
             contact.warn(*about)
         return result
 
     def _errors_by_point(self, in_result: Indices) -> Vector:
         """Coupling error that each point of the result adds to that of the point before, shape (points,)."""
-        if self._errors:
-            return np.array([0.0, *self._errors])
+        if self._progress.errors:
+            return np.array([0.0, *self._progress.errors])
         loop, sums = self._loop, np.zeros(len(in_result))
         self._estimate.reset()
         points = slice(loop.done)

@@ -1,11 +1,9 @@
-"""Inputs that the caller of a run sets from step to step, and states to which a run can return."""
+"""Inputs that the caller of a run sets from step to step."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +11,16 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import float_array, shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
-from liaisons.cosim.instances.protocol import Instance, Instances
+from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Feeds
 from liaisons.errors import InvalidValueError, SimulationError
+
+RunState = Moment
+"""Older name."""
 
 
 @final
@@ -69,46 +70,3 @@ class FreeInput:
             same = self.values.item() == numbers
             self.values.fill(numbers)
         return not same
-
-
-@final
-@dataclass(frozen=True, eq=False, repr=False)
-class RunState:
-    """The state of a run, to which it can return; made by :meth:`liaisons.cosim.running.run.Run.save`.
-
-    :param time: [s]; ``points``: communication points that were reached.
-    :param go_back: restores all but ``inputs``, the values that were set last.
-    """
-
-    run: object
-    time: float
-    points: int
-    go_back: Callable[[], None]
-    inputs: Mapping[str, Vector]
-
-    def __repr__(self) -> str:
-        return f"<state at t = {self.time:.10g} s>"
-
-
-def state_calls(instances: Instances) -> list[tuple[Call, Call]]:
-    """Prepare calls that save and restore each FMU."""
-    return [instance.save_and_restore_calls() for instance in instances.values()]
-
-
-def save_state(bus: Bus, calls: Iterable[tuple[Call, Call]], owners: Iterable[Any]) -> Callable[[], None]:
-    """Save the present state of FMUs, bus and owners; returns a function that restores it, any number of times.
-
-    :param calls: those that save and restore each FMU.
-    :param owners: objects that save and restore their states by themselves.
-    """
-    saves, restores = zip(*calls, strict=True)
-    bus.perform(saves)
-    values, states = bus.values.copy(), [(owner, owner.save()) for owner in owners]
-
-    def go_back() -> None:
-        bus.perform(restores)
-        bus.values[:] = values
-        for owner, state in states:
-            owner.restore(state)
-
-    return go_back

@@ -1,0 +1,113 @@
+"""The whole state of a run: one value, saved and restored in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, final
+from weakref import finalize
+
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.instances.protocol import Instances
+
+FmuStates = Sequence[tuple[Call, Call]]
+"""Calls that save and restore each FMU; they hold its state."""
+
+
+class Remembering(Protocol):
+    """What a step changes beside FMUs and bus."""
+
+    def save(self) -> Any:
+        """The state for :meth:`restore`; nothing changes it."""
+        ...
+
+    def restore(self, saved: Any, /) -> None:
+        """Return to a saved state, any number of times."""
+        ...
+
+
+@final
+class Progress:
+    """How far a run has come.
+
+    :ivar points: communication points that were reached.
+    :ivar errors: of the steps between them, where they are known before the end of the run.
+    :ivar end: why there is no next point; empty if there is one.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin at the start time."""
+        self.restore((1, [], ""))
+
+    def save(self) -> tuple[int, list[float], str]:
+        """The state for :meth:`restore`."""
+        return self.points, [*self.errors], self.end
+
+    def restore(self, saved: tuple[int, list[float], str]) -> None:
+        """Return to a saved state."""
+        self.points, errors, self.end = saved
+        self.errors = [*errors]
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class Moment:
+    """The state of a run at an instant, to which it can return any number of times.
+
+    :param run: whose state it is.
+    :param time: [s].
+    :param values: of the bus.
+    :param fmus: the states of all FMUs.
+    :param memories: what all else remembers, in the order of :class:`Moments`; recorded points are shared.
+    """
+
+    run: object
+    time: float
+    values: Vector
+    fmus: FmuStates
+    memories: Sequence[Any]
+
+    def __repr__(self) -> str:
+        return f"<state at t = {self.time:.10g} s>"
+
+
+@final
+class Moments:
+    """Saves the state of a run, and restores it.
+
+    :param run: what moments are of.
+    :param owners: all that remembers anything from step to step, beside FMUs and bus.
+    """
+
+    def __init__(self, run: object, instances: Instances, bus: Bus, owners: Iterable[Remembering]) -> None:
+        self._run, self._instances, self._bus, self._owners = run, instances, bus, list(owners)
+        self._unused: list[FmuStates] = []  # of moments that were collected
+
+    def save(self, time: float) -> Moment:
+        """Save the present state; all FMUs must be able to return to it.
+
+        :param time: the present one [s].
+        """
+        fmus = self._unused.pop() if self._unused else state_calls(self._instances)
+        self._bus.perform(save for save, _ in fmus)
+        moment = Moment(self._run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self._owners])
+        finalize(moment, self._unused.append, fmus)
+        return moment
+
+    def restore(self, moment: Moment) -> None:
+        """Return to a saved state."""
+        self._bus.perform(restore for _, restore in moment.fmus)
+        self._bus.values[:] = moment.values
+        self._bus.set_step(moment.time, moment.time)
+        for owner, memory in zip(self._owners, moment.memories, strict=True):
+            owner.restore(memory)
+
+
+def state_calls(instances: Instances) -> FmuStates:
+    """Prepare calls that save and restore each FMU."""
+    return [instance.save_and_restore_calls() for instance in instances.values()]
