@@ -106,15 +106,6 @@ def test_elements_in_any_order_and_single_precision(instance: CoSimulation3, row
     assert list(seen) == [3, 3.5, 11, 7]  # what is not named keeps its value
 
 
-def test_roll_back(instance: CoSimulation3, row: Path) -> None:
-    save, restore = instance.save_and_restore_calls()
-    instance.setter(_variables(row, "u[1]"), _numbers(2))()
-    step, seen = instance.stepper(c_double(0), c_double(0.5)), _numbers(0)
-    get = instance.getter(_variables(row, "s[1]"), seen)
-    assert [call() for call in (save, step, step, restore, step, get)] == [0] * 6
-    assert list(seen) == [1]
-
-
 def test_derivatives(instance: CoSimulation3, row: Path) -> None:
     seed, product = _numbers(10, 1), _numbers(0, 0)
     unknowns, knowns = _variables(row, "y[3]", "y[2]"), _variables(row, "u[2]", "u[3]")

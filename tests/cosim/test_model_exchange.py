@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from ctypes import c_double
 from pathlib import Path
 
 import fmpy
@@ -15,8 +14,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
-from liaisons.cosim import SystemComponent
-from liaisons.cosim.instances import dop853, extract_fmus, make_instance
+from liaisons.cosim.instances import dop853
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Result
 
@@ -292,30 +290,6 @@ def test_what_cannot_be_integrated_is_said(tmp_path: Path, code: dict[str, str],
 def test_numbers_of_indicators_that_cannot_be_are_refused(tmp_path: Path, count: int) -> None:
     with pytest.raises(SimulationError, match=f"^x: says that it has {count} event indicators; ask its maker"):
         simulate(equations(tmp_path, 1, count, rates="f[0] = 0;"), stop_time=1.0, step_size=0.1)
-
-
-def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
-    """A pendulum, which takes some steps of the solver in each; what its sums have lost comes back, too."""
-    code = {"start": "x[0] = 1;", "rates": "f[0] = x[1]; f[1] = -9.81 * sin(x[0]);"}
-    part = SystemComponent.read("x", equations(tmp_path, 2, 0, **code), {})
-    folder = extract_fmus([part.fmu], tmp_path / "extracted")[part.fmu.path]
-    values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
-    with make_instance("x", part.fmu, folder) as instance:
-        read = instance.getter([part.fmu.variables[name] for name in ("x0", "x1")], values)
-        step, (save, restore) = instance.stepper(time, size), instance.save_and_restore_calls()
-        instance.initialize({}, 1e-8, 0.0, 10.0)
-        instance.exit_initialization()
-        for k in range(5):
-            time.value, found = 0.7 * k, []
-            save()
-            for _ in range(3):
-                restore()
-                step()
-                read()
-                found.append(tuple(values))
-            assert found[0] == found[1] == found[2]
-    alone = simulate(part.fmu.path, stop_time=3.5, step_size=0.7, tolerance=1e-8)
-    assert_allclose(tuple(values), [alone["x0"][-1], alone["x1"][-1]], rtol=1e-15)
 
 
 def test_cvode_integrates_through_events_in_a_process_of_its_own(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
