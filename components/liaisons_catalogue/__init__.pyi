@@ -13,6 +13,7 @@ from .driven_chain import DrivenChain as DrivenChain
 from .dry_oscillator import DryOscillator as DryOscillator
 from .elliptic_hoop import EllipticHoop as EllipticHoop
 from .flywheel import Flywheel as Flywheel
+from .force_regulator import ForceRegulator as ForceRegulator
 from .four_bar import FourBar as FourBar
 from .fourier_hoop import FourierHoop as FourierHoop
 from .fourier_series import FourierSeries as FourierSeries

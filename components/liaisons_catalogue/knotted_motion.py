@@ -1,4 +1,4 @@
-"""Operators that move through knots, and sample there."""
+"""Operators that go through knots, and sample there."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ KNOTS = 50
 DIMENSION = Dimension("knots", KNOTS, "number of knots")
 
 
-class KnottedMotion(Operator, SampledStates, abstract=True):
-    """A motion through knots that may repeat itself, between them as PlannedMotion, and a correction of it.
+class SampledKnots(Operator, SampledStates, abstract=True):
+    """A list of knots that may repeat itself, and samples there.
 
     Samples are the knots, and one each period behind the last of them.  Knots that are nearer to each other than a
     millionth of the period are both sides of a jump.
@@ -22,16 +22,7 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
 
     instant = ParameterArray((), "s", "instants of the knots, ascending", DIMENSION)
     planned = ParameterArray((), ANY, "values at the knots", DIMENSION)
-    planned_rate = ParameterArray((), ANY, "rates at the knots, in units of y a second", DIMENSION)
-    planned_acceleration = ParameterArray(
-        (), ANY, "accelerations at the knots, in units of y a second squared", DIMENSION
-    )
-    next_jump = ParameterArray(
-        (1e30,) * KNOTS, "s", "first jump after the knot; beyond all if there is none", DIMENSION
-    )
-    value = InternalState(ANY, "correction of y")
-    repeats: Any  # parameters: the time after which the motion repeats itself [s],
-    announced: Any  # and whether next_event_time has samples, too
+    repeats: Any  # parameter: the time after which the motion repeats itself [s]
 
     def completed_rounds(self, t: ca.SX) -> ca.SX:
         """Number of rounds that are completed at t, but for rounding errors."""
@@ -41,6 +32,34 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         """Time since the start of the round [s], and 1e-9 periods more, beyond rounding errors."""
         return t - self.completed_rounds(t) * self.repeats + 1e-9 * self.period
 
+    def last_sample(self, t: ca.SX) -> ca.SX:
+        return self._sample_instants(t)[0]
+
+    def events(self) -> list[ca.SX]:
+        return [self._sample_instants(self.clock)[1]]
+
+    def _sample_instants(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Instants [s] of the last sample up to t, and of the next one."""
+        (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
+        begin, period = self.completed_rounds(t) * self.repeats, self.period
+        count = ca.floor((t - begin - t_0) / period + CLOCK_ERROR)
+        last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
+        return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)
+
+
+class KnottedMotion(SampledKnots, abstract=True):
+    """A motion through knots, between them as PlannedMotion, and a correction of it."""
+
+    planned_rate = ParameterArray((), ANY, "rates at the knots, in units of y a second", DIMENSION)
+    planned_acceleration = ParameterArray(
+        (), ANY, "accelerations at the knots, in units of y a second squared", DIMENSION
+    )
+    next_jump = ParameterArray(
+        (1e30,) * KNOTS, "s", "first jump after the knot; beyond all if there is none", DIMENSION
+    )
+    value = InternalState(ANY, "correction of y")
+    announced: Any  # parameter: whether next_event_time has samples, too
+
     def signal(self, t: ca.SX) -> ca.SX:
         columns = "instant", "planned", "planned_rate", "planned_acceleration"
         (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self.time_of_round(t), *columns, rests=True)
@@ -48,12 +67,6 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         is_jump = h < CLOCK_ERROR * self.period
         u = tau * ca.if_else(is_jump, 0, 1 / ca.if_else(is_jump, self.period, h))
         return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u) + self.value
-
-    def last_sample(self, t: ca.SX) -> ca.SX:
-        return self._sample_instants(t)[0]
-
-    def events(self) -> list[ca.SX]:
-        return [self._sample_instants(self.clock)[1]]
 
     def next_event_time(self) -> ca.SX:
         """Instant of the next jump, of the next round, or of the next sample if samples are ``announced``.
@@ -65,11 +78,3 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         begin = self.completed_rounds(t) * self.repeats
         sample = ca.if_else(self.announced > 0, self.events()[0], begin + next_jump)
         return self.first_after([begin + next_jump, begin + self.repeats, sample])
-
-    def _sample_instants(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Instants [s] of the last sample up to t, and of the next one."""
-        (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
-        begin, period = self.completed_rounds(t) * self.repeats, self.period
-        count = ca.floor((t - begin - t_0) / period + CLOCK_ERROR)
-        last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
-        return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)

@@ -17,7 +17,16 @@ from liaisons.library import catalogue, catalogue_names, fmu_path
 from .conftest import COMMAND, Cli, Runs, is_misuse
 from .documents import ROOT
 
-NOT_IN_PYTHON = {"BallRow", "BeadOnSphere", "BouncingBall", "DryOscillator", "Pid", "Regulator", "StringPendulum"}
+NOT_IN_PYTHON = {
+    "BallRow",
+    "BeadOnSphere",
+    "BouncingBall",
+    "DryOscillator",
+    "ForceRegulator",
+    "Pid",
+    "Regulator",
+    "StringPendulum",
+}
 """Components with contacts, and those that take samples."""
 
 

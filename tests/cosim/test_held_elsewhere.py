@@ -30,6 +30,8 @@ AHEAD = {"Pendulum_pivot_x": "Pendulum"}
 def controller(motion: str) -> Controller:
     """A pendulum at rest upside down or along a plan, held with all states or, ``"_measured"``, with an observer."""
     options = MEASURED if motion.endswith("_measured") else {}
+    if motion == "force":
+        return hold("Pendulum", {"theta": np.pi}, controls="theta_force", step_size=T)
     if motion.startswith("rest"):
         return hold("Pendulum", **UPRIGHT, **options)
     end = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5, "pivot_x_dot": 0}
@@ -39,11 +41,11 @@ def controller(motion: str) -> Controller:
 
 def pushed(motion: str) -> System:
     """The loop, off its motion at first."""
-    return controller(motion).system(theta_0=np.pi + 0.1 if motion.startswith("rest") else 0.1)
+    return controller(motion).system(theta_0=np.pi + 0.1 if motion.startswith(("rest", "force")) else 0.1)
 
 
 def own_run(motion: str, parts: int) -> Result:
-    coupling = "jacobi" if motion.startswith("rest") else "gauss-seidel"
+    coupling = "jacobi" if motion.startswith(("rest", "force")) else "gauss-seidel"
     return pushed(motion).simulate(SAMPLES * T, T / parts, coupling=coupling, tolerance=1e-11)
 
 
@@ -63,6 +65,22 @@ def slow(cases: list[tuple[Any, ...]], *quick: tuple[Any, ...]) -> list[Any]:
 def test_a_loop_at_rest_is_our_own(master: str, parts: int, tmp_path: Path) -> None:
     values = elsewhere(master, pushed("rest"), tmp_path, size=T / parts, steps=SAMPLES * parts)
     assert max(differences(values, own_run("rest", parts))) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("master", "parts"),
+    slow([(m, n) for m in ("libcosimpy", "ecospy", "fmpy") for n in PARTS], ("libcosimpy", 2), ("fmpy", 1)),
+)
+def test_a_force_is_our_own(master: str, parts: int, tmp_path: Path) -> None:
+    """It is constant from sample to sample, so that nothing depends on the parts of a period."""
+    run = own_run("force", 1)
+    signals = ("Pendulum.theta", "Pendulum.p_theta")
+    if master == "fmpy":
+        values = in_order(pushed("force"), tmp_path, np.arange(SAMPLES * parts + 1) * T / parts)
+    else:
+        values = elsewhere(master, pushed("force"), tmp_path, size=T / parts, steps=SAMPLES * parts)
+    assert max(abs(values[name] - run[name][-1]) for name in signals) < 1e-9
+    assert all(abs(run[name][-1]) > 1e-3 for name in signals)
 
 
 @pytest.mark.parametrize(

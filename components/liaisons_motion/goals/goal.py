@@ -42,6 +42,7 @@ class Goal:
     minimize: Cost = "time"
     bounds: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
     phases: tuple[Mapping[str, Any], ...] = ()  # modes by contact, and durations
+    controls: tuple[str, ...] = ()  # inputs that are no active coordinates: forces
 
     @classmethod
     def checked(
@@ -53,17 +54,19 @@ class Goal:
         closed: bool | str | Sequence[str] | None = False,
         phases: Sequence[Mapping[str, Any]] | None = None,
         bounds: Mapping[str, Any] | None = None,
+        controls: str | Sequence[str] | None = None,
         **further: Any,
     ) -> Self:
         """A goal from arguments as the user gives them.
 
-        :param moves: None: all active coordinates.
+        :param moves: None: all active coordinates; none of them beside controls.
         :param duration: one number, or the least and the greatest one [s].
         :param closed: True stands for all moved coordinates.
         :param further: fields as they are.
         :raises PlanError: for arguments that are none of these.
         """
-        names = _move_names(component, moves)
+        forces = () if controls is None else tuple(name_list("controls", controls, PlanError))
+        names = () if forces and moves is None else _move_names(component, moves)
         seconds = duration_range(duration)
         return cls(
             component,
@@ -72,8 +75,14 @@ class Goal:
             closed=_closed_names(closed, names),
             bounds=name_dictionary("bounds", bounds or {}, PlanError),
             phases=_checked_phases(phases),
+            controls=forces,
             **further,
         )
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of all inputs that operators feed: moved coordinates, then forces."""
+        return (*self.moves, *self.controls)
 
     @staticmethod
     def is_expression(value: object) -> bool:

@@ -51,7 +51,7 @@ class GoalSymbols:
     quaternions: Mapping[str, tuple[str, ...]]  # states, by orientations
     state_names: tuple[str, ...]  # of the mechanism
     state: ca.SX
-    motion: tuple[ca.SX, ca.SX, ca.SX]  # σ, σ̇, σ̈
+    motion: tuple[ca.SX, ca.SX, ca.SX]  # σ, σ̇, σ̈; behind the moved coordinates forces, whose rates act on nothing
     sizes: Mapping[str, float]  # by variables
     time: float  # [s]
     energy: float  # [J]
@@ -69,9 +69,10 @@ class GoalSymbols:
 
     @property
     def motion_symbols(self) -> dict[str, ca.SX]:
-        """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
+        """Symbols of σ, σ̇, σ̈ and of forces by the names of the FMU's variables."""
         names = [(i, port_names(move)[:3]) for i, move in enumerate(self.goal.moves)]
-        return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
+        symbols = {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
+        return symbols | by_name(self.goal.controls, ca.vertsplit(self.motion[0])[len(names) :])
 
     @property
     def model_arguments(self) -> tuple[Any, ...]:
@@ -94,7 +95,7 @@ class GoalSymbols:
     @cached_property
     def initial_state(self) -> ca.SX:
         """The state at the start, as an expression of symbols for its start values."""
-        inputs = self.inputs | {move: self.motion_symbols[move] for move in self.goal.moves}
+        inputs = self.inputs | {name: self.motion_symbols[name] for name in self.goal.driven}
         for move in self.goal.moves:
             _, rate, acceleration = port_names(move)[:3]
             inputs |= {rate: _finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
@@ -120,7 +121,7 @@ class GoalSymbols:
     @property
     def motion_sizes(self) -> list[Floats]:
         """Typical magnitudes of σ, σ̇ and σ̈."""
-        sizes = np.array([self.sizes[name] for name in self.goal.moves])
+        sizes = np.array([self.sizes[name] for name in self.goal.driven])
         return [sizes / self.time**n for n in range(3)]
 
     @property
@@ -144,7 +145,7 @@ class GoalSymbols:
     @property
     def mass(self) -> ca.SX:
         """Effective mass Θ of the moved coordinates."""
-        return ca.jacobian(self.forces, self.motion[2])
+        return ca.jacobian(self.forces, self.motion[2][: len(self.goal.moves)])
 
     @cached_property
     def first_state(self) -> Floats:
@@ -164,7 +165,7 @@ class GoalSymbols:
     @property
     def _centres_and_sizes(self) -> tuple[Floats, Floats]:
         """Start values of state, σ, σ̇ and σ̈, with the distances of nearby states from them."""
-        still, starts = np.zeros(len(self.goal.moves)), self.start_parameters
+        still, starts = np.zeros(len(self.goal.driven)), self.start_parameters
         state = [self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names]  # no momenta
         sizes = (self.state_sizes, 0.5 * self.initial_sigma_sizes, *(3 * size for size in self.motion_sizes[1:]))
         return np.concatenate([state, self.initial_sigma, still, still]), np.concatenate(sizes)
@@ -268,7 +269,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     oriented = [(axes, _unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
     start |= {axis: float(x) for axes, unit in oriented for axis, x in zip(axes, unit, strict=True)}
     rates = set(start_parameters) - set(states)
-    moved = {end for move in goal.moves for end in port_names(move)[:2]}
+    moved = {end for move in goal.moves for end in port_names(move)[:2]} | {*goal.controls}
     variables_at_start = {*states, *rates, *moved, *quaternions}
     for key in start:
         if key not in variables_at_start:
@@ -289,7 +290,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         inputs=inputs,
         start=start,
         start_parameters=start_parameters,
-        initial_sigma=np.array([range_middle(start.get(move), inputs[move]) for move in goal.moves]),
+        initial_sigma=np.array([range_middle(start.get(name), inputs[name]) for name in goal.driven]),
         quaternions=quaternions,
         state_names=states,
         sizes={name: _unit_size(base, unit) for name, unit in units.items()},
@@ -297,7 +298,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         energy=_unit_size(base, "J"),
         memory=(0.0,) * len(flat.memory),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
-        motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in port_names("sigma")[:3]),  # type: ignore[arg-type]
+        motion=tuple(ca.SX.sym(name, len(goal.driven)) for name in port_names("sigma")[:3]),  # type: ignore[arg-type]
     )
 
 
@@ -332,27 +333,43 @@ def range_middle(value: Any, default: float) -> float:
 def _refuse_moves(goal: Goal, owner: str, flat: Model) -> None:
     """Raise an error unless the moved coordinates are active ones, each named once."""
     actives = [active.value for active in flat.active]
-    if not actives:
-        raise PlanError(f"{owner} has no active coordinate: there is nothing that an operator could move")
+    _refuse_controls(goal, owner, flat)
+    if not actives and not goal.controls:
+        forces = [v.name for v in flat.inputs if v.name.endswith("_force")]
+        remedy = f"; give forces, controls={forces}" * bool(forces)
+        raise PlanError(f"{owner} has no active coordinate: there is nothing that an operator could move{remedy}")
     for name in goal.moves:
         if name not in actives:
             is_free = name in {state.name for state in flat.states}
             hint = f": it moves freely; moves takes {', '.join(actives)}" if is_free else suggestion(name, actives)
             raise PlanError(f"{owner}: moves = {name!r} is no active coordinate{hint}")
-    if len(set(goal.moves)) < len(goal.moves) or not goal.moves:
+    if len(set(goal.moves)) < len(goal.moves) or not goal.driven:
         raise PlanError(f"{owner}: moves = {shown(list(goal.moves))}: name each coordinate once")
+
+
+def _refuse_controls(goal: Goal, owner: str, flat: Model) -> None:
+    """Raise an error unless the controls are inputs that prescribe no coordinate, each named once."""
+    prescribed = {name for active in flat.active for name in (active.value, active.rate, active.acceleration)}
+    forces = [v.name for v in flat.inputs if v.name not in prescribed and not v.name.endswith("_impulse")]
+    for name in goal.controls:
+        if name not in forces:
+            hint = f": it is prescribed; give moves={name!r}" if name in prescribed else suggestion(name, forces)
+            raise PlanError(f"{owner}: controls = {name!r} is no input force{hint}")
+    if len(set(goal.controls)) < len(goal.controls):
+        raise PlanError(f"{owner}: controls = {shown(list(goal.controls))}: name each force once")
 
 
 def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
     """Values of parameters and of inputs by name: those of the goal, others as declared."""
     owner = declared.__name__
     parameters, inputs = ({v.name: v.starts[0] for v in own} for own in (flat.parameters, flat.inputs))
-    moved = {name for move in goal.moves for name in port_names(move)[:3]}
+    moved = {name for move in goal.moves for name in port_names(move)[:3]} | {*goal.controls}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
     for name, value in goal.parameters.items():
         if name in moved:
-            raise PlanError(f"{owner}: {name} is moved and cannot have the fixed value {shown(value)}")
+            word = "a control" if name in goal.controls else "moved"
+            raise PlanError(f"{owner}: {name} is {word} and cannot have the fixed value {shown(value)}")
         if name not in variables:
             raise PlanError(f"{owner} has no parameter or input {name!r}{suggestion(name, variables)}")
         check_finite(f"{owner}: {name}", value, PlanError)

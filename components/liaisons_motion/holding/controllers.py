@@ -25,6 +25,7 @@ from liaisons.interface import with_table
 from liaisons.language import ParameterArray
 from liaisons.library import fmu_file
 from liaisons_catalogue import regulator
+from liaisons_catalogue.force_regulator import ForceRegulator
 from liaisons_motion.goals import Goal
 from liaisons_motion.holding.observers import Observer, normal_verdict
 
@@ -53,7 +54,7 @@ class ReferenceTrajectory:
     """The motion to be held, at its communication points; an equilibrium has one point."""
 
     times: Floats
-    motion: Floats  # σ, σ̇, σ̈ (moves, 3, times)
+    motion: Floats  # σ, σ̇, σ̈ (driven, 3, times), and forces, without rates
     states: Floats  # that are read (states, times)
     after: After
 
@@ -83,13 +84,16 @@ class Controller:
     name: str  # of the component
     goal: Goal  # the mechanism with its initial state
     moves: tuple[str, ...]
+    controls: tuple[str, ...]  # forces
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
     ports: tuple[str, ...]  # inputs of the mechanism that are free
-    states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, σ̇, σ̈
+    states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, forces, σ̇, σ̈
     trajectory: ReferenceTrajectory
-    gains: Floats  # (times, moves, states); after the end the last ones
+    gains: Floats  # (times, driven, states); after the end the last ones
     correction_limits: Mapping[str, Floats]  # bounds of corrections by names of a Regulator: (moves, times)
+    force_limits: Mapping[str, tuple[float, float]]  # by forces
+    input_sizes: Floats  # of accelerations of σ, and of forces
     loop: Floats  # matrix of the closed loop, in the directions
     directions: Floats  # of deviations at the start (states, directions)
     final_directions: Floats  # the same at the end
@@ -103,6 +107,11 @@ class Controller:
     starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
     perturbations: tuple[Mapping[str, float], ...]  # differences of start values that span the directions
     observer: Observer | None = None  # its estimates are read instead of the states that it estimates
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of what has a regulator: moved coordinates, then forces."""
+        return (*self.moves, *self.controls)
 
     @property
     def duration(self) -> float:
@@ -145,36 +154,39 @@ class Controller:
         system = System(f"held_{self.name}")
         starts: dict[str, Any] = {**self.starts, **start_values}
         trajectory, sources, regulators = self.trajectory, {}, []
-        for i, move in enumerate(self.moves):
+        for i, name in enumerate(self.driven):
             # Readings are samples: constant until the next communication point.
-            settings: dict[str, Any] = {
-                "period": self.step_size,
-                "input_reconstruction": 0,
-                "announced": float(announces_samples),
-            }
+            is_force = name in self.controls
+            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
+            settings |= {} if is_force else {"announced": float(announces_samples)}
             fmu, columns = self._regulator_fmu(i)
             settings |= columns
-            triple = port_names(move)[:3]
-            for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
-                settings[start] = starts.pop(triple[n]) - trajectory.motion[i, n, 0]
+            triple = (name,) if is_force else port_names(name)[:3]
+            if is_force:
+                settings["next_0"] = starts.pop(name)
+            else:
+                for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
+                    settings[start] = starts.pop(triple[n]) - trajectory.motion[i, n, 0]
             if trajectory.after == "repeats":
                 settings["repeats"] = self.duration
-            regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
-            sources |= {name: regulators[-1][y] for name, y in zip(triple, port_names("y")[:3], strict=True)}
+            regulators.append(system.add(f"{self.name}_{name}", fmu, **settings))
+            outputs = ("held",) if is_force else port_names("y")[:3]
+            sources |= {end: regulators[-1][y] for end, y in zip(triple, outputs, strict=True)}
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
         follows = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
         starts = {**self.goal.parameters, **follows, **starts}
         mechanism = system.add(self.name, self.goal.fmu, **starts)
-        for move, part in zip(self.moves, regulators, strict=True):
-            system.connect(part["y"], mechanism[move])
+        for name, part in zip(self.driven, regulators, strict=True):
+            system.connect(part["force" if name in self.controls else "y"], mechanism[name])
         if self.observer:
             estimates, observer = self.observer.outputs, self.observer.connect_to(system)
             sources |= {name: observer[estimates[name]] for name in self.states if name in estimates}
         for part in regulators:
             for i, name in enumerate(self.states, start=1):
-                system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
+                if part.name != f"{self.name}_{name}" or name in self.moves:  # a force is known to its own regulator
+                    system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
         return system
 
     @property
@@ -187,25 +199,35 @@ class Controller:
         """Default end of a simulation [s]: the end of the plan, or of the settling at an equilibrium."""
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
-    def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Floats]]:
-        """FMU of the i-th regulator, and its table as parameters; none if the table is a file in the FMU."""
+    def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Any]]:
+        """FMU of the i-th regulator, and its parameters; the table is none of them if it is a file in the FMU."""
         trajectory, gains = self.trajectory, self.gains[:, i]
+        is_force, settings = i >= len(self.moves), dict[str, Any]()
         columns = by_name(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i])
-        columns |= {name: values[i] for name, values in self.correction_limits.items()}
-        columns |= {f"gain_{j}": gain for j, gain in enumerate(gains.T, start=1)}
+        if is_force:
+            columns = {"planned": columns["planned"]}
+            limits = self.force_limits.get(self.driven[i])
+            settings = by_name(("lowest", "highest"), limits) if limits else {}
+        else:
+            columns |= {name: values[i] for name, values in self.correction_limits.items()}
+            columns["next_jump"] = trajectory.next_jump_times(_JUMP_DISTANCE * self.step_size)
+        columns |= {
+            "own_gain" if is_force and name == self.driven[i] else f"gain_{j}": gain
+            for j, (name, gain) in enumerate(zip(self.states, gains.T, strict=True), start=1)
+        }
         columns |= {
             "instant": trajectory.times,
-            "next_jump": trajectory.next_jump_times(_JUMP_DISTANCE * self.step_size),
             "offset": np.sum(gains.T * trajectory.states, axis=0),
             "advance": self._change_in_round @ gains.T,
         }
-        fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
+        kind = ForceRegulator if is_force else regulator.Regulator
+        fmu, missing = fmu_file(kind.__name__), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
-            return fmu, {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
-        arrays = (array for array in regulator.Regulator.parameters if isinstance(array, ParameterArray))
+            return fmu, settings | {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
+        arrays = (array for array in kind.parameters if isinstance(array, ParameterArray))
         constant = np.ones(trajectory.times.size)
         rows = [columns.get(array.name, constant * sum(array.leading[:1])) for array in arrays]
-        return with_table(fmu, np.array(rows)), {}
+        return with_table(fmu, np.array(rows)), settings
 
     @property
     def _change_in_round(self) -> Floats:
@@ -270,7 +292,7 @@ class Controller:
     @property
     def signals(self) -> list[str]:
         """Names of the states as signals of :meth:`system`."""
-        outputs: dict[str, str] = {}
+        outputs = {name: f"{self.name}_{name}.force" for name in self.controls}
         for move in self.moves:
             outputs |= by_name(port_names(move)[:3], (f"{self.name}_{move}.{output}" for output in port_names("y")[:3]))
         return [outputs.get(name, f"{self.name}.{name}") for name in self.states]
@@ -345,7 +367,7 @@ class Controller:
         With an observer, estimates follow the deviations in its rows and columns.  Corrections have no bounds there: at
         a bound the motion has no derivative.
         """
-        unbounded, starts, ends = replace(self, correction_limits={}), [], []
+        unbounded, starts, ends = replace(self, correction_limits={}, force_limits={}), [], []
         perturbations: list[Mapping[str, float]] = [*self.perturbations]
         own, names = dict(self.starts), list[str]()
         if self.observer:
@@ -404,7 +426,7 @@ class Controller:
 
     def _verify_estimates(self, observer: Observer) -> list[Verdict]:
         """Verdicts on the errors of an observer in the loop; at an equilibrium on its multipliers and cost, too."""
-        unbounded = replace(self, correction_limits={})  # at a bound no law holds
+        unbounded = replace(self, correction_limits={}, force_limits={})  # at a bound no law holds
         runs = observer.random_runs(unbounded._connected_system({}))  # noqa: SLF001
         claims = observer.consistency(runs)
         if observer.motion is not None:
@@ -427,8 +449,9 @@ class Controller:
         """
         assert self.cost is not None  # all is controllable
         (B, Q, R), D, model = self.cost, self.directions, observer.model
-        moves, decay = len(self.moves), np.exp(-1.0)  # of a corrected acceleration in a period
-        K = self.gains[0] / self.sizes[-moves:, None] * self.sizes @ D
+        decay = np.repeat([np.exp(-1.0), 0.0], [len(self.moves), len(self.controls)])  # of what is set, in a period
+        K = self.gains[0] / self.input_sizes[:, None] * self.sizes @ D
+        rows = [self.states.index(name) for name in (*(port_names(m)[2] for m in self.moves), *self.controls)]
         S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
         inverse, n = np.linalg.pinv(D), len(model.sampled.names)
         of_states = inverse[:, :n] @ np.eye(n, len(model.states))
@@ -438,8 +461,7 @@ class Controller:
         costs = []
         for run in runs:
             off = self.deviation(run) / self.sizes[:, None]
-            accelerations = off[-moves:]
-            x, w = (inverse @ off[:, :-1]).T, (accelerations[:, 1:] - decay * accelerations[:, :-1]).T / (1 - decay)
+            x, w = (inverse @ off[:, :-1]).T, (off[rows, 1:].T - decay * off[rows, :-1].T) / (1 - decay)
             of_steps = np.sum((x @ Q) * x, axis=1) + np.sum((w @ R) * w, axis=1)
             first, *_, last = np.sum((x @ S) * x, axis=1)
             costs.append((np.sum(of_steps[:-1]) + last - first) / (len(x) - 1))
@@ -448,7 +470,7 @@ class Controller:
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
         subject = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
-        moves, names = ", ".join(self.moves), ", ".join(self.conserved)
+        moves, names = ", ".join(self.driven), ", ".join(self.conserved)
         conserved = f"; conserved: {names}" if names else ""
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
 

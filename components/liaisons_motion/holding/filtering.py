@@ -83,7 +83,7 @@ class EstimationModel:
         self.start = np.append(start, np.zeros(more)) / self.sizes
         x = ca.SX.sym("x", n + more)
         w = ca.SX.sym("w", len(uncertainty.disturbance))
-        begin, end = (ca.SX.sym(name, len(sampled.moves), 3) for name in ("begin", "end"))
+        begin, end = (ca.SX.sym(name, len(sampled.driven), 3) for name in ("begin", "end"))
         rates, projected, readings = self._rates_and_readings(x, w, end)
         landed = ca.vertcat(projected / self.sizes[:n], x[n:])
         self.measure, self.project = (
@@ -147,7 +147,7 @@ class EstimationModel:
         n, lower = len(self.states), ca.Sparsity.lower(len(self.states))
         x, is_first = ca.SX.sym("x", n), ca.SX.sym("is_first")
         y = ca.SX.sym("y", len(self.noise))
-        begin, end = (ca.SX.sym(name, len(self.sampled.moves), 3) for name in ("begin", "end"))
+        begin, end = (ca.SX.sym(name, len(self.sampled.driven), 3) for name in ("begin", "end"))
         triangle = ca.SX.sym("P", lower.nnz() if steady_covariance is None else 0)
         predicted, F, Q = self.predict(x, begin, end)
         if steady_covariance is None:

@@ -1,7 +1,8 @@
 """``hold``: sampled feedback that keeps a mechanism at an equilibrium, or at a planned motion.
 
 At each communication point the regulators read the mechanism's states and add corrections to σ, which third-order
-integrators generate (see :class:`liaisons.models.Regulator`).  To first order the FMUs perform x(t + H) = A x(t) + B w
+integrators generate (see :class:`liaisons.models.Regulator`), and to forces, which are constant from sample to sample
+(:class:`liaisons.models.ForceRegulator`).  To first order the FMUs perform x(t + H) = A x(t) + B w
 over one step, see :mod:`liaisons_motion.holding.sampling`.  The gains solve Riccati's equation of this discrete system,
 or of a periodic one; uncontrollable directions have none.
 """
@@ -75,6 +76,7 @@ def hold(
     at: Mapping[str, Any] | None = None,
     moves: str | Sequence[str] | None = None,
     *,
+    controls: str | Sequence[str] | None = None,
     step_size: float | None = None,
     weights: Mapping[str, float] | None = None,
     effort: float = 1.0,
@@ -95,25 +97,32 @@ def hold(
         regulator = hold("Pendulum", {"theta": np.pi, "pivot_x": 0}, "pivot_x", step_size=0.02)
         run = regulator.simulate(10, theta_0=np.pi + 0.2)
 
+        regulator = hold("FurutaPendulum", {"swing": np.pi}, controls="turn_force", bounds={"turn_force": (-0.2, 0.2)})
+        run = regulator.simulate(3, swing_0=np.pi + 0.1)
+
         regulator = hold(plan("Satellite", end={"attitude": (0, 0, 0, 1)}, duration=2.0))
         run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
 
-    Once a step the regulators read the states x and choose the accelerations w of σ that minimise the sum of
-    Σ weight (x - x_0)² + effort w² over all steps.  Each variable is divided by its size: 1 for an angle, for a length
-    that at which the mass has the angles' moment of inertia (for a pendulum its length); time is in radians of the free
-    motion.  A moved coordinate on which no equation depends (the angle of a wheel) is held only if it is given by name.
-    A closed plan is repeated; if the mechanism can rest at the end of a plan, it is held there.
+    Once a step the regulators read the states x and choose accelerations of σ, or forces, w, that minimise the sum of
+    Σ weight (x - x_0)² + effort w² over all steps.  A force acts one step after the sample that it answers.  Each
+    variable is divided by its size: 1 for an angle, for a length that at which the mass has the angles' moment of
+    inertia (for a pendulum its length); time is in radians of the free motion.  A moved coordinate on which no equation
+    depends (the angle of a wheel) is held only if it is given by name.  A closed plan is repeated; if the mechanism can
+    rest at the end of a plan, it is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param at: equilibrium: values of coordinates, and of rates of σ; others as declared, at rest.
-    :param moves: active coordinates that the feedback moves; unless given all, or those of the plan.
+    :param moves: active coordinates that the feedback moves; unless given all, those of the plan, or none beside
+        controls.
+    :param controls: forces that the feedback sets, ``"theta_force"``.  Values that ``at`` does not give them are those
+        at which the mechanism rests.
     :param step_size: sampling period, the distance of communication points [s]; unless given about a sixteenth radian
         of the free motion, for a plan at most a fortieth of its duration.
     :param weights: of states by name; unless given 1 for coordinates, 0 for momenta.
-    :param effort: weight of the accelerations; 1, as that of the coordinates, by Bryson's rule: all variables are
-        divided by their sizes.
-    :param bounds: (low, high) of σ, σ̇, σ̈ and operator forces, ``{"pivot_x_ddot": (-5, 5)}``, at which the feedback
-        saturates, beside those of the plan.  Bounds of forces become bounds of σ̈ along the undisturbed motion.
+    :param effort: weight of accelerations and forces; 1, as that of the coordinates, by Bryson's rule: all variables
+        are divided by their sizes.
+    :param bounds: (low, high) of σ, σ̇, σ̈, controls and operator forces, ``{"pivot_x_ddot": (-5, 5)}``, at which the
+        feedback saturates, beside those of the plan.  Bounds of forces become bounds of σ̈ along the undisturbed motion.
     :param measured: outputs that are measured: the regulators read the estimates of an observer (LQG); with ``noise``,
         ``disturbance``, ``bias``, ``unknown_forces`` and ``deviations`` as for :func:`liaisons.observe`.
     :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
@@ -126,7 +135,7 @@ def hold(
         name_dictionary("weights", weights or {}, PlanError),
         name_dictionary("bounds", bounds or {}, PlanError),
     )
-    sampled, step_size = sampled_subject("hold", motion, at, moves, step_size, values)
+    sampled, step_size = sampled_subject("hold", motion, at, moves, controls, step_size, values)
     arguments = sampled, step_size, _state_weights(sampled, weights), effort
     planned = isinstance(motion, Plan)
     controller = _hold_along(motion, *arguments, bounds=bounds) if planned else _hold_at_rest(*arguments, bounds=bounds)
@@ -145,7 +154,8 @@ def hold(
         noise or {},
         disturbance,
         at=at,
-        moves=None if planned else sampled.moves,
+        moves=None if planned else sampled.moves or None,
+        controls=None if planned else sampled.controls or None,
         bias=bias,
         unknown_forces=unknown_forces,
         deviations=deviations,
@@ -206,7 +216,7 @@ def _hold_at_rest(
             K = discrete_lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
     if not (is_reached and _perturbed_radius(V.T @ (A - B @ K) @ V) < 1):
         raise PlanError(
-            f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {step_size:g} s hardly reach all "
+            f"{sampled.name} cannot be held there: {', '.join(sampled.driven)} every {step_size:g} s hardly reach all "
             "that falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
@@ -254,7 +264,7 @@ def _hold_along(
     trajectory, steps, returns = _reference_trajectory(motion, sampled, step_size)
     D = [sampled.directions(*point) for point in trajectory.states_and_motion]
     steps, costs = in_directions(steps, D), [(one.T * weights) @ one for one in D]
-    R = effort * np.eye(len(motion.goal.moves))
+    R = effort * np.eye(len(sampled.driven))
     transition, inputs = transition_matrix(steps), controllability_matrix(steps)
     after = np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
@@ -393,10 +403,12 @@ def _controller(
     starts = sampled.start_values
     for i, m in enumerate(sampled.moves):
         starts |= by_name(port_names(m)[:3], map(float, trajectory.motion[i, :, 0]))
+    starts |= by_name(sampled.controls, map(float, trajectory.motion[len(sampled.moves) :, 0, 0]))
     return Controller(
         name=sampled.name,
         goal=symbols.goal,
         moves=sampled.moves,
+        controls=sampled.controls,
         step_size=step_size,
         free=sampled.free,
         ports=tuple(sampled.free_inputs),
@@ -409,6 +421,8 @@ def _controller(
             ]
         ),
         correction_limits=_correction_limits(sampled, trajectory, bounds),
+        force_limits={name: _finite_ends(bounds[name]) for name in sampled.controls if name in bounds},
+        input_sizes=sampled.input_sizes,
         directions=directions[0],
         final_directions=directions[-1],
         sizes=sampled.sizes,
@@ -440,15 +454,17 @@ def _correction_limits(
 
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
-    n, last = len(sampled.names), trajectory.times.size - 1
+    n, last, motion = len(sampled.names), trajectory.times.size - 1, trajectory.motion[: len(sampled.moves)]
+    if not sampled.moves:
+        return {}
     points = ((sampled.full_state(x[:n]), *sigma.T) for x, sigma in trajectory.states_and_motion)
     along = np.array([sampled.forces_and_mass(*point) for point in points])
     forces, masses = along[:, :, 0], along[:, :, 1:]
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
     allowed |= bounds
     ends = np.array([[_finite_ends(allowed[name]) for name in port_names(m)[:3]] for m in sampled.moves])
-    low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
-    high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
+    low = np.minimum(0.0, ends[:, :, :1] - motion)  # (moves, 3, knots)
+    high = np.maximum(0.0, ends[:, :, 1:] - motion)
     for j, m in enumerate(sampled.moves):
         if f"{m}_force" not in bounds:
             continue
@@ -488,7 +504,8 @@ def _finite_ends(bounds: Sequence[float | None]) -> tuple[float, float]:
 def _bounded_quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
     """Index of the moved coordinate, and order of the rate, of all that regulators bound by name; 3 for a force."""
     names = [(*port_names(m)[:3], f"{m}_force") for m in sampled.moves]
-    return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
+    quantities = {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
+    return quantities | {name: (len(names) + i, 0) for i, name in enumerate(sampled.controls)}
 
 
 def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: Floats | None = None) -> None:
@@ -541,5 +558,5 @@ def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Floats, U
 def _uncontrollable_error(sampled: SampledMechanism, directions: Floats, form: Floats) -> PlanError:
     """Error that names an uncontrollable sum of states, a linear form on the directions."""
     text = _sum_of_states(sampled, directions, form)
-    moves = ", ".join(sampled.moves)
-    return PlanError(f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}")
+    driven = ", ".join(sampled.driven)
+    return PlanError(f"{sampled.name} cannot be held there: to first order {driven} cannot change {text}")

@@ -23,7 +23,8 @@ from liaisons.base.logs import ignored_warnings
 from liaisons.cosim import DefaultExperiment
 from liaisons.errors import PlanError
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import Target
+from liaisons.library import Target, fmu_file
+from liaisons_catalogue.knotted_motion import KNOTS
 from liaisons_motion.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons_motion.holding.subjects import planned_motion, sampled_subject
 from liaisons_motion.planning import Plan
@@ -45,6 +46,7 @@ def observe(
     *,
     at: Mapping[str, Any] | None = None,
     moves: str | Sequence[str] | None = None,
+    controls: str | Sequence[str] | None = None,
     bias: Mapping[str, float] | None = None,
     unknown_forces: Mapping[str, float] | None = None,
     deviations: Mapping[str, float] | None = None,
@@ -61,15 +63,16 @@ def observe(
         )
         print(table(observer.verify()))
 
-    Once a period it reads what is measured, and σ, σ̇, σ̈, which the operators know; between samples it predicts by the
-    mechanism's equations.  At an equilibrium its gains are the steady ones; along a plan they follow its covariance
-    (extended Kalman filter).  With constraints or orientations, errors live in the tangent space.
+    Once a period it reads what is measured, and σ, σ̇, σ̈ and forces, which the operators know; between samples it
+    predicts by the mechanism's equations.  At an equilibrium its gains are the steady ones; along a plan they follow
+    its covariance (extended Kalman filter).  With constraints or orientations, errors live in the tangent space.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param measured: outputs by name; arrays and orientations are measured element by element.
     :param noise: standard deviation of each sample, by what is measured.
     :param disturbance: random forces by input: standard deviation of the impulse in a second [unit of the input · √s].
-    :param at: equilibrium, ``moves``: active coordinates that operators move; as for :func:`liaisons.hold`.
+    :param at: equilibrium, ``moves``: active coordinates that operators move, ``controls``: forces that they set; as
+        for :func:`liaisons.hold`.
     :param bias: biases that are estimated, too: standard deviations by what is measured.
     :param unknown_forces: forces that are estimated, too: standard deviations by input.  They drift, as biases do, by
         their standard deviation in 100 radians of the free motion.
@@ -80,9 +83,9 @@ def observe(
         a plan that jumps, or a state that is not observable; it is named.
     """
     values = merged_start_values("observe", start_values, keywords, PlanError)
-    sampled, H = sampled_subject("observe", motion, at, moves, step_size, values)
+    sampled, H = sampled_subject("observe", motion, at, moves, controls, step_size, values)
     if not sampled.names:
-        raise PlanError(f"{sampled.name} has no state that {', '.join(sampled.moves)} move: nothing is to be observed")
+        raise PlanError(f"{sampled.name} has no state that {', '.join(sampled.driven)} move: nothing is to be observed")
     names, quaternions = [*sampled.symbols.signals], sampled.symbols.quaternions
 
     def deviations_by_scalar(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
@@ -226,8 +229,7 @@ class Observer:
             def column(names: Iterable[str]) -> ca.SX:
                 return ca.vertcat(*(filter_.symbols[name] for name in names))
 
-            begin = ca.reshape(column(before), 3, -1).T
-            end = ca.reshape(column(motion), 3, -1).T
+            begin, end = (model.sampled.motion_of_values(column(names)) for names in (before, motion))
             x = column(self.outputs.values()) / model.sizes
             y = (column(readings) + column(noises)) / model.noise
             x, P, e = step(filter_.samples < 0.5, x, column(triangle), begin, end, y)
@@ -250,6 +252,8 @@ class Observer:
             system.connect(parts[self.name][name], part[f"{identifier(name)}_measured"])
         for m in self.model.sampled.moves:
             system.connect(parts[f"{self.name}_{m}"]["y"], part[m])
+        for force in self.model.sampled.controls:
+            system.connect(parts[f"{self.name}_{force}"]["held"], part[force])
         return part
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
@@ -261,9 +265,15 @@ class Observer:
         if self.motion is None:
             system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
             settings: dict[str, Any] = goal.parameters | sampled.start_values | starts
-            for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
-                settings[m] = operator("Ramp", offset=x, rate=rate)
-            system.add(self.name, goal.fmu, **settings)
+            held = by_name(sampled.driven, sampled.sigma.tolist())
+            for m in sampled.moves:
+                settings[m] = operator("Ramp", offset=held[m][0], rate=held[m][1])
+            mechanism = system.add(self.name, goal.fmu, **settings)
+            for force in sampled.controls:
+                x = held[force][0]
+                values: dict[str, Any] = {"period": self.model.period, "planned": np.full(KNOTS, x), "next_0": x}
+                part = system.add(f"{self.name}_{force}", fmu_file("ForceRegulator"), **values)
+                system.connect(part["force"], mechanism[force])
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -343,7 +353,8 @@ class Observer:
 
         for run, truth in runs:
             estimate = np.array([last(run, name) for name in self.outputs.values()]) / model.sizes
-            sigma = np.reshape([last(run, name) for name in model.sampled.motion_names], (-1, 3))
+            values = ca.SX(ca.DM([last(run, name) for name in model.sampled.motion_names]))
+            sigma = np.array(ca.DM(model.sampled.motion_of_values(values)))
             D = model.tangents(estimate, sigma)
             P, _ = self.corrected
             if self.motion:

@@ -1,8 +1,9 @@
 """First-order deviations of a mechanism from a motion, from one communication point to the next.
 
 The equations of the FMUs are linearised along the motion that they perform: within a step a correction of σ is the
-polynomial that the mechanism reconstructs from its inputs.  The matrices of a step therefore include the sampling, and
-are exact up to the error of their integration.
+polynomial that the mechanism reconstructs from its inputs; a force is constant, and what a regulator computes at a
+sample acts from the next one on.  The matrices of a step therefore include the sampling, and are exact up to the error
+of their integration.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain, pairwise
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -41,7 +42,7 @@ class SampledMechanism:
     :param time: time [s] in which states change by their sizes, if no free motion determines it.
     :param longest: longest radian [s] of a free motion that determines it.
     :param extents: greatest absolute values of coordinates on the motion; unless given those at the start.
-    :ivar states: names of all states: ``names``, σ if it is held, σ̇, σ̈.
+    :ivar states: names of all states: ``names``, σ if it is held, forces, σ̇, σ̈.
     :ivar names: states of the mechanism that moves act on, or on which these depend.
     :ivar free: coordinates that are held.
     """
@@ -58,12 +59,12 @@ class SampledMechanism:
     ) -> None:
         self.symbols = symbols = goal_symbols(goal)
         self.interpolate = interpolate
-        self.name, self.moves = symbols.name, goal.moves
+        self.name, self.moves, self.controls, self.driven = symbols.name, goal.moves, goal.controls, goal.driven
         starts, start = symbols.start_parameters, symbols.start
         self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
-        self.sigma = np.zeros((len(self.moves), 3))
+        self.sigma = np.zeros((len(self.driven), 3))
         self.sigma[:, 0] = symbols.initial_sigma
-        self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
+        self.sigma[: len(self.moves), 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
         self._default_time, self._longest_radian = time, longest
         self._extents = extents or {}
         self.start = symbols.first_state
@@ -73,14 +74,15 @@ class SampledMechanism:
         is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
         held = np.flatnonzero(is_held).tolist()
         self.held_moves = [self.moves[i] for i in held]
-        n, c = len(self.names), len(self.moves)
-        self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
+        n, c, m = len(self.names), len(self.moves), len(self.driven)
+        rates_of_moves = (n + order * m + i for order in (1, 2) for i in range(c))
+        self.rows = [*range(n), *(n + i for i in (*held, *range(c, m))), *rates_of_moves]
         internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
         self.internal_states = [name for name in self.names if name in internal]
         coordinates = (name for name in self.names if name in starts and not name.endswith(Orientation.momenta))
         self.free = (*(name for name in coordinates if name not in internal), *self.held_moves)
-        _, *derivatives = zip(*(port_names(move)[:3] for move in self.moves), strict=True)
-        self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
+        derivatives = (port_names(move)[order] for order in (1, 2) for move in self.moves)
+        self.states = (*self.names, *self.held_moves, *self.controls, *derivatives)
         if len(self.states) > READINGS:
             raise PlanError(
                 f"{self.name}: {len(self.states)} states are more than the {READINGS} that a Regulator reads"
@@ -114,8 +116,26 @@ class SampledMechanism:
         """
         coordinates, momenta, _ = self._magnitudes
         of_names = [coordinates.get(name, momenta.get(name, 1.0)) for name in self.names]
-        of_moves = np.array([coordinates[m] for m in self.moves])
-        return np.concatenate([of_names, *(of_moves / self.time**n for n in range(3))])[self.rows]
+        return np.concatenate([of_names, *(self._driven_sizes / self.time**n for n in range(3))])[self.rows]
+
+    @property
+    def _driven_sizes(self) -> Floats:
+        """Sizes of moved coordinates, and of forces, whose work along the size of a coordinate is a typical energy.
+
+        A force that belongs to no coordinate acts along its unit's: an angle, or a length.
+        """
+        coordinates, _, energy = self._magnitudes
+        units = {v.name: v.unit for v in self.symbols.model.variables}
+        lengths = [size for name, size in coordinates.items() if units.get(name) == "m"]
+
+        def size(name: str) -> float:
+            if name in coordinates:
+                return coordinates[name]
+            own = coordinates.get(name.removesuffix("_force").removesuffix("_load"))
+            is_linear = units[name] == "N" and own is None
+            return energy / (own or (max(lengths, default=1.0) if is_linear else 1.0))
+
+        return np.array([size(name) for name in self.driven])
 
     @property
     def energy(self) -> float:
@@ -124,8 +144,14 @@ class SampledMechanism:
 
     @property
     def input_sizes(self) -> Floats:
-        """Sizes of the inputs w, the accelerations of σ."""
-        return self.sizes[-len(self.moves) :]
+        """Sizes of the inputs w, the accelerations of σ, then the forces."""
+        return self.sizes[self.input_rows]
+
+    @property
+    def input_rows(self) -> list[int]:
+        """Indices of the states that inputs w approach, or become: σ̈, then the forces."""
+        names = (*(port_names(move)[2] for move in self.moves), *self.controls)
+        return [self.states.index(name) for name in names]
 
     @property
     def _rate_coordinates(self) -> dict[str, str]:
@@ -144,7 +170,7 @@ class SampledMechanism:
         units = {q: declared.get(q, "").removesuffix("/s") for q in rates.values()}
         units = {q: "rad" if unit in ("", "1", "deg") else unit for q, unit in units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
-        sigma = by_name(self.moves, self.sigma[:, 0])
+        sigma = by_name(self.driven, self.sigma[:, 0])
         resting = symbols.inputs | dict.fromkeys(self.motion_names, 0.0) | sigma
         still = symbols.parameters | {starts[name]: 0.0 for name in rates if name in starts}
 
@@ -199,7 +225,7 @@ class SampledMechanism:
         Under constraints the state is projected first: off the constraints the rates contain the stabilisation [1/s],
         which belongs to the integration, and would be stiff beside a slow motion.
         """
-        arguments = [ca.SX.sym("y", len(self.names)), *(ca.SX.sym(name, len(self.moves)) for name in ("s", "v", "a"))]
+        arguments = [ca.SX.sym("y", len(self.names)), *(ca.SX.sym(name, len(self.driven)) for name in ("s", "v", "a"))]
         y, *sigma = arguments
         rates, projected, _ = self.rates_states_and_signals(y, ca.horzcat(*sigma), {}, [])
         if self.is_constrained:
@@ -210,9 +236,20 @@ class SampledMechanism:
     def rates(self, y: Floats, sigma: Floats) -> Floats:
         """Rates of the mechanism's states y.
 
-        :param sigma: σ and its two rates, (moves, 3).
+        :param sigma: σ and its two rates, (driven, 3).
         """
         return np.array(self._rates_and_slopes(y, *sigma.T))[:, 0]
+
+    def balance(self, names: Sequence[str]) -> None:
+        """Give these forces the values at which the mechanism rests, as nearly as they can.
+
+        Rates are linear in forces.
+        """
+        chosen = [self.driven.index(name) for name in names]
+        n, y = len(self.names), self.start[self.state_indices]
+        columns = np.array(self._rates_and_slopes(y, *self.sigma.T))
+        slopes = columns[:, [1 + n + i for i in chosen]]
+        self.sigma[chosen, 0] -= np.linalg.lstsq(slopes, columns[:, 0], rcond=1e-12)[0]
 
     def steps(
         self, times: Floats, planned: Floats, period: float, start: Floats | None = None
@@ -220,7 +257,7 @@ class SampledMechanism:
         """States at communication points, integrated, and the linearised steps between them.
 
         :param times: communication points (N + 1).
-        :param planned: σ, σ̇, σ̈ there, (moves, 3, N + 1).
+        :param planned: σ, σ̇, σ̈ there, (driven, 3, N + 1).
         :param period: sampling period of the regulators [s].
         :param start: the mechanism's states at the first point; those of the goal unless given.
         :returns: the states (states, N + 1), and A and B of the N steps, for states and inputs w divided by sizes.
@@ -239,40 +276,54 @@ class SampledMechanism:
     def _step_integrator(self) -> ca.Function:
         """Function (z, p, 1) -> z at the end of a step, by the Runge-Kutta method.
 
-        z has the states and, beside them, their derivatives by the states at the start of the step and by the
-        corrections at both ends; its last row is the elapsed part of the step.  p has the coefficients of σ and of
-        corrections, and the size of the step.
+        z has the states and, beside them, their derivatives by the states at the start of the step, by the corrections
+        of σ at both ends and by those of forces; its last row is the elapsed part of the step.  p has the coefficients
+        of σ, of forces and of corrections, and the size of the step.
         """
-        n, c = len(self.names), len(self.moves)
-        z, p = ca.MX.sym("z", n + 1, 1 + n + 6 * c), ca.MX.sym("p", 6, c + 7)
+        n, c, m = len(self.names), len(self.moves), len(self.driven)
+        columns = 1 + n + 6 * c + m - c
+        z, p = ca.MX.sym("z", n + 1, columns), ca.MX.sym("p", 6, m + 7)
         step_size = p[0, -1]
         bases = _powers_and_derivatives(z[n, 0], step_size)
-        slopes = self._rates_and_slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
-        forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
+        slopes = self._rates_and_slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :m]))
+        of_motion = slopes[:, [1 + n + order * m + i for order in range(3) for i in range(c)]]
+        moved = of_motion @ ca.kron(bases @ p[:, m:-1], ca.DM.eye(c)) if c else ca.MX(n, 0)
+        forced = ca.horzcat(moved, slopes[:, [1 + n + i for i in range(c, m)]])
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
-        clock = ca.horzcat(1, ca.MX(1, n + 6 * c))
+        clock = ca.horzcat(1, ca.MX(1, columns - 1))
         return runge_kutta(z, p, ca.vertcat(step_size * ca.horzcat(slopes[:, 0], change), clock))
 
     def _linearized_step(self, y: Floats, planned: Floats, step_size: float, period: float) -> tuple[Floats, Step]:
         """The mechanism's states at the end of a step, and its matrices A and B."""
-        n, c = len(self.names), len(self.moves)
+        n, c, m = len(self.names), len(self.moves), len(self.driven)
         ends = self._reconstruction_matrix(step_size)
-        motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
-        begin = np.zeros((n + 1, 1 + n + 6 * c))
+        motion = self._coefficients(np.vstack([*planned.transpose(2, 1, 0)]), step_size)  # (powers, driven)
+        begin = np.zeros((n + 1, 1 + n + 6 * c + m - c))
         begin[:n, 0], begin[:n, 1 : n + 1] = y, np.eye(n)
         parameters = np.hstack([motion, ends, np.full((6, 1), step_size)])
         last = np.array(self._step_integrator(begin, parameters, 1.0))[:n]
-        y, of_states, before, after = np.split(last, np.cumsum([1, n, 3 * c]), axis=1)
+        y, of_states, before, after, of_forces = np.split(last, np.cumsum([1, n, 3 * c, 3 * c]), axis=1)
         M, N = _correction_step_matrices(step_size, period, c)
-        A = np.block(
-            [
-                [of_states, before + after @ M],
-                [np.zeros((3 * c, n)), M],
-            ]
-        )
-        B = np.vstack([after @ N, N])
+        moved = [n + order * m + i for order in range(3) for i in range(c)]
+        forces = [n + i for i in range(c, m)]
+        A, B = np.zeros((n + 3 * m, n + 3 * m)), np.zeros((n + 3 * m, m))
+        A[:n, :n], A[:n, moved], A[:n, forces] = of_states, before + after @ M, of_forces
+        A[np.ix_(moved, moved)], B[:n, :c], B[moved, :c] = M, after @ N, N
+        B[forces, c:] = np.eye(m - c)
         sizes, rows = self.sizes[:, None], self.rows
         return y.ravel(), (A[np.ix_(rows, rows)] * self.sizes / sizes, B[rows] * self.input_sizes / sizes)
+
+    def _coefficients(self, ends: Any, step_size: float) -> Any:
+        """Coefficients (6, driven) of σ by the fraction of a step; forces keep their values at its start.
+
+        :param ends: σ and its two rates at the start of the step, then at its end: (6, driven).
+        """
+        moves, forces = ends[:, : len(self.moves)], ends[:1, len(self.moves) :]
+        matrix = self._reconstruction_matrix(step_size)
+        if isinstance(ends, ca.SX):
+            held = ca.vertcat(forces, ca.SX(5, forces.shape[1]))
+            return ca.horzcat(ca.DM(matrix) @ moves, held)
+        return np.hstack([matrix @ moves, np.pad(forces, ((0, 5), (0, 0)))])
 
     def _reconstruction_matrix(self, step_size: float) -> Floats:
         """Matrix (6, 6) from σ and its two rates at both ends of a step to coefficients of σ, by the fraction of it."""
@@ -284,11 +335,11 @@ class SampledMechanism:
         return extrapolation
 
     def reconstructed_motion(self, begin: ca.SX, end: ca.SX, step_size: float, fraction: ca.SX) -> ca.SX:
-        """σ and its two rates, (moves, 3), after a fraction of a step.
+        """σ and its two rates, (driven, 3), after a fraction of a step.
 
         :param begin: the same at the start of the step; ``end``: at its end.
         """
-        coefficients = ca.DM(self._reconstruction_matrix(step_size)) @ ca.vertcat(begin.T, end.T)
+        coefficients = self._coefficients(ca.vertcat(begin.T, end.T), step_size)
         return (_powers_and_derivatives(fraction, step_size) @ coefficients).T
 
     def rates_states_and_signals(
@@ -296,7 +347,7 @@ class SampledMechanism:
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Rates of the mechanism's states y, y projected onto the constraints, and the signals, as expressions.
 
-        :param motion: σ and its two rates (moves, 3).
+        :param motion: σ and its two rates (driven, 3).
         :param forces: by inputs; they add to those of the goal.
         :param signals: names.
         :raises PlanError: for an unknown name, or a signal that depends on a state that σ does not change.
@@ -312,7 +363,7 @@ class SampledMechanism:
         readings = stack(symbols.signals[name] for name in signals)
         for i, x in enumerate(ca.vertsplit(symbols.state)):
             if i not in rows and ca.depends_on(readings, x):
-                moves = ", ".join(self.moves)
+                moves = ", ".join(self.driven)
                 raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
         results = [symbols.rates[rows], _projected_states(symbols)[rows], readings]
         rates, projected, readings = ca.substitute(results, symbols.arguments, [state, *ca.horzsplit(motion)])
@@ -325,12 +376,18 @@ class SampledMechanism:
 
     @property
     def motion_names(self) -> list[str]:
-        """Names of σ, σ̇ and σ̈ of each moved coordinate."""
-        return [name for move in self.moves for name in port_names(move)[:3]]
+        """Names of σ, σ̇ and σ̈ of each moved coordinate, then those of forces."""
+        return [*(name for move in self.moves for name in port_names(move)[:3]), *self.controls]
+
+    def motion_of_values(self, values: ca.SX) -> ca.SX:
+        """σ and its two rates, and forces, (driven, 3), from a column of values in the order of ``motion_names``."""
+        moved = 3 * len(self.moves)
+        forces = ca.horzcat(values[moved:], ca.SX(len(self.controls), 2))
+        return ca.vertcat(ca.reshape(values[:moved], 3, -1).T, forces)
 
     @property
     def free_inputs(self) -> list[str]:
-        """Names of the inputs that are no σ: forces."""
+        """Names of the inputs that nothing feeds: forces."""
         return [name for name in self.symbols.inputs if name not in self.symbols.motion_symbols]
 
     def directions(self, reference: Floats, sigma: Floats) -> Floats:
@@ -339,7 +396,7 @@ class SampledMechanism:
         Deviations of quaternions are rotations; under constraints they are tangential.
 
         :param reference: the states (states,).
-        :param sigma: σ and its two rates there, (moves, 3).
+        :param sigma: σ and its two rates there, (driven, 3).
         """
         if self.is_constrained:
             return self._tangents(reference[: len(self.names)], sigma)
@@ -360,10 +417,9 @@ class SampledMechanism:
 
     def _tangents(self, y: Floats, sigma: Floats) -> Floats:
         """Columns that span the deviations tangential to the constraints, divided by sizes."""
-        n, c = len(self.names), len(self.moves)
+        n, c = len(self.names), len(self.driven)
         slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
-        of_moves = np.array([self._magnitudes[0][m] for m in self.moves])
-        sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
+        sizes = np.concatenate([self.sizes[:n], *(self._driven_sizes / self.time**order for order in range(2))])
         slopes *= sizes / sizes[:n, None]
         of_states = image_basis(slopes[:, :n])
         rank = of_states.shape[1]
@@ -394,7 +450,7 @@ class SampledMechanism:
     def rate_changes(self, reference: Floats, sigma: Floats, directions: Floats) -> dict[str, Floats]:
         """Derivatives along directions of the rates that have start values, by name.
 
-        :param reference: the states (states,), about which deviations are; ``sigma``: σ and its two rates, (moves, 3).
+        :param reference: the states (states,), about which deviations are; ``sigma``: σ and its two rates, (driven, 3).
         """
         symbols = self.symbols
         names = [name for name in symbols.start_parameters if name not in symbols.state_names]

@@ -41,6 +41,7 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     motion: Plan | Target,
     at: Mapping[str, Any] | None,
     moves: str | Sequence[str] | None,
+    controls: str | Sequence[str] | None,
     step_size: float | None,
     values: Mapping[str, float],
 ) -> tuple[SampledMechanism, float]:
@@ -56,8 +57,8 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     if isinstance(motion, Plan):
         if motion.goal.phases:
             raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
-        if at is not None or moves is not None or values:
-            words = "a plan says what moves, where, and with which parameters; leave at and moves out"
+        if any(given is not None for given in (at, moves, controls)) or values:
+            words = "a plan says what moves, where, and with which parameters; leave at, moves and controls out"
             raise PlanError(f"{caller}: {words}")
         sampled = sampled_mechanism(motion)
         longest = min(motion.duration / _FEWEST_STEPS, _LONGEST_STEP * sampled.time)
@@ -70,8 +71,9 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
         if not np.all(np.isfinite(float_array(f"at: {name}", value, PlanError))):
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
     period = step_size or component(motion).experiment.step_size
-    goal = Goal.checked(motion, moves=moves, duration=period, values=values, start=at)
+    goal = Goal.checked(motion, moves=moves, controls=controls, duration=period, values=values, start=at)
     sampled = SampledMechanism(goal, at, interpolate=False, time=period, longest=_STEPS_PER_TIME * period)
+    sampled.balance([name for name in goal.controls if name not in at])
     if step_size is None and sampled.has_free_motion:
         period = _round_down(sampled.time / _STEPS_PER_RADIAN)
     rates = by_name(sampled.names, sampled.rates(sampled.start[sampled.state_indices], sampled.sigma))
@@ -104,7 +106,7 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
     extents = by_name(states, np.abs(trajectory.knots).max(axis=1))
     extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
     return SampledMechanism(
-        Goal(goal.component, goal.moves, (T, T), goal.values, start),
+        Goal(goal.component, goal.moves, (T, T), goal.values, start, controls=goal.controls),
         required,
         interpolate=True,
         time=T / _PARTS_WITHOUT_MOTION,
