@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import casadi as ca
 import numpy as np
 import pytest
+from robot_peers import MujocoFile, PinocchioFile, distances
 from scipy.spatial.transform import Rotation
 
 from liaisons import Linkage, Rod, build, derive, operator, simulate
@@ -236,11 +237,14 @@ def mjcf(tmp_path: Path, text: str, before: str = "", after: str = "", **options
     return Linkage.from_mjcf(path, **options)
 
 
-def test_a_medium_that_resists_is_left_out_by_name(tmp_path: Path) -> None:
-    body = '<body name="b"><joint name="j"/><geom size="1"/></body>'
-    tree = mjcf(tmp_path, body, '<option wind="1 0 0" density="1.2"/>')
-    assert {"wind of <option>", "density of <option>"} <= set(tree.left_out)
-    assert "viscosity of <option>" not in tree.left_out
+def test_what_moves_the_bodies_is_left_out_by_its_name_alone(tmp_path: Path) -> None:
+    body, option = '<body name="b"><joint name="j"/><geom size="1"/></body>', '<option wind="1 0 0" density="1.2"/>'
+    with pytest.raises(ComponentError, match=r"line 1: <option>: density = 1.2: .*; or leave it out: leave_out=.*dens"):
+        mjcf(tmp_path, body, option)
+    tree = mjcf(tmp_path, body, option, leave_out=["density"])
+    assert {"density of <option>, on request", "wind of <option>"} <= set(tree.left_out)
+    with pytest.raises(ComponentError, match="leave_out = 'viscosity': the file has nothing of this name"):
+        mjcf(tmp_path, body, option, leave_out=["density", "viscosity"])
 
 
 def test_a_planar_joint_moves_in_the_plane_of_its_normal(tmp_path: Path) -> None:
@@ -401,9 +405,12 @@ ARM = JOINT.format("j", "continuous", "a", "b", "")
             ["joint 'j'", "xyz = '1 0'", "3 finite"],
         ),
         ((*GOOD, JOINT.format("j", "revolt", "a", "b", "")), ["joint 'j'", "'revolt'", "did you mean 'revolute'"]),
-        ((*GOOD, JOINT.format("j", "revolute", "a", "b", '<mimic joint="k"/>')), ["joint 'j'", "mimic"]),
+        (
+            (*GOOD, JOINT.format("j", "revolute", "a", "b", '<mimic joint="k"/>')),
+            ["joint 'j'", "it mimics 'k', which is no joint"],
+        ),
         ((*GOOD, JOINT.format("j", "revolute", "a", "b", '<dynamics damping="-1"/>')), ["joint 'j'", "damping = '-1'"]),
-        ((*GOOD, JOINT.format("j", "fixed", "a", "b", "")), ["none moves"]),
+        ((*GOOD, JOINT.format("j", "fixed", "a", "b", "")), ["<robot>", "no joint that moves", "floating_base=True"]),
         ((*GOOD, JOINT.format("***", "revolute", "a", "b", "")), ["joint '***'", "rename"]),
         ((*GOOD, JOINT.format("gravity", "revolute", "a", "b", "")), ["joint 'gravity'", "taken", "rename"]),
         ((*GOOD, JOINT.format("dot", "revolute", "a", "b", "")), ["dot", "taken", "choose another"]),
@@ -467,21 +474,71 @@ BODY = '<body name="b">{}<inertial mass="1" pos="0 0 1" diaginertia="1 1 1"/>{}<
         (BODY.format('<joint type="wheel"/>', ""), "", "", ["b_joint", "'wheel'"]),
         (BODY.format('<joint class="no"/>', ""), "", "", ["body 'b'", "class = 'no'"]),
         (BODY.format('<joint axis="0 0 0"/>', ""), "", "", ["b_joint", "axis of <joint>"]),
-        (BODY.format('<joint ref="10"/>', ""), "", "", ["b_joint", "ref"]),
         (BODY.format("<joint/>", "").replace("diag", "d"), "", "", ["body 'b'", "diaginertia = None", "3 finite"]),
         (BODY.format("<joint/>", "").replace('mass="1"', 'mass="-1"'), "", "", ["b: mass = -1"]),
         (BODY.format("<freejoint/><joint/>", ""), "", "", ["body 'b'", "alone"]),
+        (
+            BODY.format('<joint type="free" damping="2"/>', ""),
+            "",
+            "",
+            ["line 1: joint 'b_joint'", "damping = 2", "set"],
+        ),
+        (BODY.format('<joint type="ball" stiffness="2"/>', ""), "", "", ["b_joint", "stiffness = 2", "leave_out"]),
+        (BODY.format('<joint springdamper="1 1"/>', ""), "", "", ["b_joint", "springdamper", "leave_out"]),
+        (BODY.format("<joint/>", "").replace("<body", '<body gravcomp="1"'), "", "", ["body 'b'", "gravcomp"]),
         (BODY.format("<joint/>", BODY.format("<joint/>", "")), "", "", ["body 'b'", "another body"]),
         ('<body name="b" mocap="true"/>', "", "", ["body 'b'", "mocap"]),
         ('<body name="b" quat="0 0 0 0"/>', "", "", ["body 'b'", "orientation"]),
         ('<body name="b"><joint/><geom type="mesh" mesh="m"/></body>', "", "", ["body 'b'", "'mesh'", "<inertial>"]),
         ('<body name="b"><joint/><geom size="-1"/></body>', "", "", ["body 'b'", "size = '-1'", ">= 0"]),
         ('<body name="b"><frame/></body>', "", "", ["<frame>"]),
-        (BODY.format("<joint/>", ""), '<include file="/etc/passwd"/>', "", ["<include>"]),
         (BODY.format("<joint/>", ""), '<compiler eulerseq="xyw"/>', "", ["eulerseq = 'xyw'", "xyzXYZ"]),
         (BODY.format("<joint/>", ""), '<compiler angle="turns"/>', "", ["angle = 'turns'"]),
         (BODY.format("<joint/>", ""), '<option gravity="down"/>', "", ["gravity = 'down'", "3 finite"]),
-        (BODY.format("<joint/>", ""), "", '<equality><joint joint1="j"/></equality>', ["joint", "delete"]),
+        (BODY.format("<joint/>", ""), "", '<equality><joint joint1="j"/></equality>', ["joint", "'j' is no joint;"]),
+        (BODY.format("<joint/>", ""), "", "<equality><joint/></equality>", ["joint", "it has no joint1"]),
+        (
+            BODY.format('<joint type="ball" name="j"/>', ""),
+            "",
+            '<equality><joint joint1="j"/></equality>',
+            ["line 1: joint 'joint_2'", "'j': it has no single coordinate"],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            "",
+            '<equality><joint joint1="j"/><joint joint1="j" polycoef="1"/></equality>',
+            ["joint 'joint_", "contradicts another coupling"],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            '<tendon><spatial name="t"/></tendon>',
+            '<equality><tendon tendon1="t"/></equality>',
+            ["tendon 'tendon_2'", "'t' is no fixed tendon"],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            "",
+            '<tendon><fixed name="t"><joint joint="k" coef="1"/></fixed></tendon>',
+            ["fixed tendon 't'", "'k' is no joint; "],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            "",
+            '<tendon><fixed name="t" stiffness="3"><joint joint="j" coef="1"/></fixed></tendon>',
+            ["line 1: fixed tendon 't'", "stiffness = 3", "leave_out"],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            "",
+            '<tendon><fixed name="t" range="0 1"/></tendon>',
+            ["line 1: fixed tendon 't'", "range", "leave_out"],
+        ),
+        (
+            BODY.format('<joint name="j"/>', ""),
+            '<default><motor damping="1"/></default>',
+            "",
+            ["line 1: motor 'without name'", "damping = '1'", "leave_out"],
+        ),
         (
             BODY.format("<joint/>", ""),
             "",
@@ -632,3 +689,243 @@ def test_axes_of_any_length_turn(tmp_path: Path) -> None:
     for axis in ("0 1e200 0", "0 1e-200 0", "0 1 0"):
         tree = mjcf(tmp_path, f'<body name="b"><joint name="j" axis="{axis}"/><geom pos="1 0 0" size="0.1"/></body>')
         assert_equal(poses_of(tree, {"j": 0.5})["b"][:, :3], Rotation.from_euler("y", 0.5).as_matrix())
+
+
+# ---- files that a file includes ----------------------------------------------------------------------------------
+
+BOB = '<body name="bob"><joint name="j"/><geom size="0.1" pos="1 0 0" class="light"/></body>'
+LIGHT = '<default><default class="light"><geom density="500"/></default></default>'
+
+
+def including(tmp_path: Path, include: str, **files: str) -> type[Linkage]:
+    for name, text in files.items():
+        (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
+    return mjcf(tmp_path, BOB, include)
+
+
+def test_included_files_stand_in_the_place_of_their_names(tmp_path: Path) -> None:
+    (tmp_path / "common").mkdir()
+    (tmp_path / "common" / "light.xml").write_text(f"<mujoco>{LIGHT}</mujoco>", encoding="utf-8")
+    limb = '<mujocoinclude><body name="limb"><joint name="k"/><geom size="0.2"/></body></mujocoinclude>'
+    (tmp_path / "limb.xml").write_text(limb, encoding="utf-8")
+    world = BOB.replace("</body>", '<include file="limb.xml"/></body>')
+    tree = mjcf(tmp_path, world, '<include file="./common/light.xml"/>')
+    assert [q.name for q in tree.coordinates] == ["j", "k"]
+    starts = {p.name: p.start for p in tree.parameters}
+    assert starts["bob_mass"] == pytest.approx(500 * 4 / 3 * np.pi * 0.001)
+
+
+@pytest.mark.parametrize(
+    ("include", "files", "words"),
+    [
+        ('<include file="no.xml"/>', {}, r"m\.xml: line 1: <include> of 'no.xml': No such file"),
+        ('<include file="/etc/passwd"/>', {}, "'/etc/passwd': the file does not lie in the folder of the document"),
+        ('<include file="../secret.xml"/>', {}, "'../secret.xml': the file does not lie in the folder"),
+        ('<include file="link.xml"/>', {}, "'link.xml': the file does not lie in the folder"),
+        ("<include/>", {}, "<include> of '': the file does not lie"),
+        ('<include file="m.xml"/>', {}, "'m.xml': the file is there already; include each file once, and no file in"),
+        (
+            '<include file="a.xml"/>',
+            {"a": '<mujoco><include file="b.xml"/></mujoco>', "b": '<mujoco>\n<include file="a.xml"/></mujoco>'},
+            r"m\.xml: b\.xml: line 2: <include> of 'a\.xml': the file is there already",
+        ),
+        ('<include file="a.xml"/>' * 2, {"a": "<mujoco/>"}, "'a.xml': the file is there already"),
+        ('<include file="a.xml"/>', {"a": "<robot/>"}, "its document is <'robot'>; it must be <mujoco>"),
+        ('<include file="a.xml"/>', {"a": "<mujoco>"}, "<include> of 'a.xml': no element found"),
+        ('<include file="a.xml"/>', {"a": "<!DOCTYPE x []><mujoco/>"}, "'a.xml': it declares a document type"),
+        (
+            '<include file="a.xml"/>',
+            {"a": '<mujoco>\n<default><motor armature="1"/></default></mujoco>'},
+            r"m\.xml: a\.xml: line 2: motor 'without name': armature = '1'",
+        ),
+    ],
+)
+def test_hostile_includes(include: str, files: dict[str, str], words: str, tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "secret.xml").write_text("<mujoco/>", encoding="utf-8")
+    (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
+    with pytest.raises(ComponentError, match=words) as caught:
+        including(inner, include, **files)
+    assert "\n" not in str(caught.value)
+
+
+def test_includes_have_limits_of_number_and_depth(tmp_path: Path) -> None:
+    chain = {f"f{i}": f'<mujoco><include file="f{i + 1}.xml"/></mujoco>' for i in range(210)}
+    with pytest.raises(
+        ComponentError, match=r"f9\d\.xml: line 1: <include> of 'f\d*\.xml': the document has more than 10"
+    ):
+        including(tmp_path, '<include file="f0.xml"/>', **chain)
+    deep = {f"d{i}": f'<mujoco>{"<x>" * 150}<include file="d{i + 1}.xml"/>{"</x>" * 150}</mujoco>' for i in range(3)}
+    with pytest.raises(ComponentError, match="nested more than 200"):
+        including(tmp_path, '<include file="d0.xml"/>', **deep)
+
+
+# ---- against the peers ---------------------------------------------------------------------------------------------
+
+LINKS = (
+    '<geom type="box" size=".1 .2 .3" pos="0.3 0.1 -0.4"/>',
+    '<geom type="capsule" size="0.05 0.2" pos="0.1 -0.2 -0.3" euler="20 30 40"/>',
+)
+TREE = """<body name="a" pos="0 0.2 1" euler="10 20 30"><joint name="p" axis="0 1 1" {p}/>{g0}
+  <body name="b" pos="0.1 0 -0.8"><joint name="s" type="slide" axis="1 0 0.2" {s}/>{g1}
+    <body name="c" pos="0 0.1 -0.2"><joint name="o" type="{kind}" axis="0 1 0" {o}/>{g0}</body></body></body>"""
+
+
+def tree_of(p: str = "", s: str = "", o: str = "", kind: str = "hinge") -> str:
+    return TREE.format(p=p, s=s, o=o, kind=kind, g0=LINKS[0], g1=LINKS[1])
+
+
+TENDONS = """<tendon><fixed name="t"><joint joint="p" coef="2"/><joint joint="s" coef="-1"/></fixed>
+    <fixed name="u"><joint joint="o" coef="0.5"/></fixed></tendon>"""
+FEATURES = {
+    "reference values": (tree_of('ref="20" range="-30 50"', 'ref="0.3"', 'ref="-15" stiffness="4"'), "", ""),
+    "unstressed springs": (tree_of('stiffness="3" springref="25" ref="10"', 'springref="0.2" stiffness="5"'), "", ""),
+    "armature": (tree_of('armature="2"', 'armature="3"', 'armature="0.5"'), "", ""),
+    "armature of a ball joint": (tree_of(o='armature="0.5" damping="0.2"', kind="ball"), "", ""),
+    "total mass": (tree_of(), '<compiler settotalmass="14"/>', ""),
+    "several roots": (
+        f'<body name="f" pos="1 0 2" euler="30 0 10"><freejoint name="r"/>{LINKS[0]}</body>{tree_of()}',
+        "",
+        "",
+    ),
+    "defaults": (
+        tree_of('class="k"'),
+        '<default><joint armature="1" damping="0.3"/><default class="k"><joint ref="9"/></default></default>',
+        "",
+    ),
+    "joints that follow": (
+        tree_of('ref="20"', 'ref="0.3"'),
+        "",
+        '<equality><joint name="f" joint1="s" joint2="p" polycoef="0.1 0.5 0.2 0 0.1"/><joint joint1="o"/></equality>',
+    ),
+    "tendons that follow": (
+        tree_of('ref="20"', 'ref="0.3"'),
+        TENDONS,
+        '<equality><tendon tendon1="t" tendon2="u" polycoef="0.2 3"/></equality>',
+    ),
+}
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_mjcf_moves_as_in_mujoco(feature: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    tree = mjcf(tmp_path, *FEATURES[feature])
+    peer = MujocoFile(tmp_path / "m.xml")
+    assert max(distances(tree, peer)) <= 1e-12  # both are right to rounding
+    rows = peer.data.efc_type == peer.mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    assert not rows.any()  # switched off
+    if tree.constraints:
+        check_couplings(tree, tmp_path / "m.xml")
+
+
+def check_couplings(tree: type[Linkage], file: Path) -> None:
+    """Residuals and gradients of joints that follow others are MuJoCo's at a random configuration."""
+    mujoco: Any = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.random.default_rng(3).uniform(-1, 1, model.nq)
+    mujoco.mj_forward(model, data)
+    m = tree()
+    names = [model.joint(i).name for i in range(model.njnt)]
+    q = ca.vertcat(*(m.symbols[name] for name in names))
+    residuals = ca.vertcat(*(getattr(m, c.name) for c in m.constraints))
+    start = m.start_values()
+    numbers = [p.start for p in m.parameters]
+    function = ca.Function("c", [q, m.parameter_column], [residuals, ca.jacobian(residuals, q)])
+    values, slopes = function(data.qpos, numbers)
+    rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    assert_equal(np.array(values).ravel(), data.efc_pos[rows])
+    assert_equal(np.array(ca.densify(slopes)), data.efc_J.reshape(-1, model.nv)[rows])
+    closed, _ = function([start[name] for name in names], numbers)
+    np.testing.assert_allclose(np.array(closed), 0, rtol=0, atol=1e-12)  # rounding
+
+
+LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
+MIMIC = '<mimic joint="p" multiplier="-0.5" offset="0.2"/>'
+FINGERS = (
+    *(LINK.format(name, mass) for name, mass in (("a", 3), ("b", 1), ("c", 2), ("d", 1.5))),
+    JOINT.format("p", "revolute", "a", "b", '<origin xyz="0 0.1 1" rpy="0.1 0.2 0.3"/><axis xyz="0 1 0"/>' + LIMIT),
+    JOINT.format("s", "prismatic", "b", "c", '<axis xyz="1 0 0"/>' + MIMIC + LIMIT),
+    JOINT.format(
+        "o", "continuous", "c", "d", '<origin xyz="0.3 0 1"/><dynamics damping="0.4" friction="0"/><axis xyz="0 1 0"/>'
+    ),
+)
+
+
+@pytest.mark.parametrize("floating", [False, True], ids=["grounded", "floating"])
+def test_urdf_moves_as_in_pinocchio(floating: bool, tmp_path: Path) -> None:
+    """Also a robot whose root link moves freely; where every joint of the file moves on its own."""
+    pytest.importorskip("pinocchio")
+    lines = [re.sub('inertia ixx="1"', 'inertia ixx="1.5" ixy="0.1" ixz="0" iyz="0.2"', line) for line in FINGERS]
+    tree = urdf(tmp_path, *lines, floating_base=floating)
+    assert max(distances(tree, PinocchioFile(tmp_path / "r.urdf", tree))) <= 1e-12  # both are right to rounding
+
+
+def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
+    """As in Pinocchio, where such joints have no coordinate; and the FMU starts and stays there."""
+    pin: Any = pytest.importorskip("pinocchio")
+    lines = [re.sub('inertia ixx="1"', 'inertia ixx="1" ixy="0" ixz="0" iyz="0"', line) for line in FINGERS]
+    tree = urdf(tmp_path, *lines)
+    model: Any = pin.buildModelFromUrdf(str(tmp_path / "r.urdf"), True)  # with mimic
+    data, rng, equations = model.createData(), np.random.default_rng(2), derive(tree)
+    follow = np.array([[1, 0], [-0.5, 0], [0, 1]])  # of p and o
+    for _ in range(3):
+        (p, o), v = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
+        place = np.array([p, np.cos(o), np.sin(o)])
+        matrix = pin.crba(model, data, place, pin.Convention.WORLD)  # the other one reads no mimic
+        matrix = np.triu(matrix) + np.triu(matrix, 1).T
+        forces = -pin.nle(model, data, place, v) - np.array([0, 0.4 * v[1]])
+        state = dict(zip(("p", "s", "o"), (p, 0.2 - 0.5 * p, o), strict=True))
+        state |= dict(zip(("p_dot", "s_dot", "o_dot"), (follow @ v).tolist(), strict=True))
+        accelerations = equations.evaluate("accelerations", **state)
+        assert_equal(accelerations, follow @ np.linalg.solve(matrix, forces))
+    assert {q.name: q.start for q in tree.coordinates} == {"p": 0, "s": 0.2, "o": 0}
+    (coupling,) = tree.constraints
+    assert coupling.name == "s_mimic"
+
+
+@pytest.mark.variants(core=0)
+def test_an_fmu_keeps_what_follows(tmp_path: Path) -> None:
+    tree = urdf(tmp_path, *FINGERS, prescribe=["p"])
+    settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.02, "tolerance": 1e-10}
+    moved = {"p": operator(Sinusoid, amplitude=0.3, angular_frequency=2.0)}
+    result = simulate(build(tree, tmp_path), **moved, **settings)
+    assert np.ptp(result["s"]) > 0.1
+    np.testing.assert_allclose(result["s"], 0.2 - 0.5 * result["p"], rtol=0, atol=1e-9)  # the FMU's tolerance
+    assert np.abs(result["energy_balance"]).max() <= 1e-6 * np.abs(result["energy"]).max()  # of first-order jumps
+
+
+def test_a_robot_of_fixed_joints_moves_by_its_root(tmp_path: Path) -> None:
+    lines = LINK.format("a", 1), LINK.format("b", 2), JOINT.format("j", "fixed", "a", "b", '<origin xyz="0 0 1"/>')
+    tree = urdf(tmp_path, *lines, floating_base=True)
+    assert [q.name for q in tree.coordinates] == [f"floating_base_{axis}" for axis in "xyz"]
+    assert mass_matrix(tree, state_of(tree, 0))[0, 0] == pytest.approx(3)
+    alone = urdf(tmp_path, LINK.format("a", 1), floating_base=True)
+    assert len(alone.orientations) == 1
+
+
+def test_joints_without_mass_are_named_together(tmp_path: Path) -> None:
+    fingers = [JOINT.format(f"f{i}", "revolute", "b", f"c{i}", "") for i in range(2)]
+    lines = *GOOD, ARM, *(f'<link name="c{i}"/>' for i in range(2)), *fingers
+    with pytest.raises(
+        ComponentError, match=r"line 7: r\.f0: no mass moves with f0_dot, f1_dot at .*; prescribe=\[...\]"
+    ):
+        urdf(tmp_path, *lines)
+    assert [s.name for s in urdf(tmp_path, *lines, prescribe=["f0", "f1"]).actives] == ["f0", "f1"]
+
+
+def test_a_capsule_is_drawn(tmp_path: Path) -> None:
+    """As urdfdom 1.2 has it: the length is that between the centres of its ends."""
+    capsule = '<visual><geometry><capsule radius="0.1" length="0.6"/></geometry></visual></link>'
+    m = urdf(tmp_path, GOOD[0], GOOD[1].replace("</link>", capsule), ARM)()
+    (rod,) = (shape for shape in m.picture() if isinstance(shape, Rod))
+    ends = [[float(ca.evalf(ca.substitute(x, m.free.q, 0))) for x in end.values()] for end in (rod.start, rod.end)]
+    np.testing.assert_allclose(ends, [[0, 0, -0.3], [0, 0, 0.3]], rtol=0, atol=1e-15)  # rounding of a rotation
+
+
+def test_a_start_with_a_reference_value_is_that_value(tmp_path: Path) -> None:
+    joints = tree_of('ref="20" range="-30 50"', 'ref="0.3" range="0.5 0.7"', 'ref="-15" range="-40 40"')
+    starts = {q.name: q.start for q in mjcf(tmp_path, joints, limits=True).coordinates}
+    assert starts == pytest.approx({"p": np.radians(20), "s": 0.6, "o": np.radians(-15)})

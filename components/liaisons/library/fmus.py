@@ -27,14 +27,17 @@ Target: TypeAlias = "str | Path | type[Component]"
 """A component: its name in the catalogue or in an installed package (``"Pendulum"``), its file (``"my_component.py"``,
 ``"my_component.py:Name"``) or its class; a robot's file, with joints that an operator prescribes
 (``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``), with stops at the limits of its joints
-(``"robot.urdf:limits"``, ``"robot.urdf:shoulder:limits"``), with balanced inertia (``"robot.urdf:balance-inertia"``).
-Where FMUs are taken, also the path of one."""
+(``"robot.urdf:limits"``, ``"robot.urdf:shoulder:limits"``), with balanced inertia (``"robot.urdf:balance-inertia"``),
+with a root that moves freely (``"robot.urdf:floating-base"``), without what a linkage cannot
+(``"robot.xml:leave-out=viscosity"``), in this order.  Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that are up to date in this process, and the status of these files."""
 _files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
 """The files that components were loaded from."""
-_ROBOT = re.compile(r"(.*\.(?:urdf|xml))(?::(.*?))??(:limits)?(:balance-inertia)?", re.IGNORECASE)
+_ROBOT = re.compile(
+    r"(.*\.(?:urdf|xml))(?::(.*?))??(:limits)?(:balance-inertia)?(:floating-base)?(?::leave-out=(.*))?", re.IGNORECASE
+)
 _owners: dict[tuple[Path, str], str] = {}
 """Folder and name of an FMU -> origin of the component that this process has built into it."""
 
@@ -145,14 +148,23 @@ def _published_component(name: str) -> type[Component]:
     return value
 
 
-def _robot_component(path: str, prescribe: str, limits: str, balance: str) -> type[Component]:
+def _robot_component(path: str, prescribe: str, *options: str) -> type[Component]:
     from liaisons import Linkage
 
-    read = Linkage.from_urdf if path.lower().endswith(".urdf") else Linkage.from_mjcf
-    names = [name.strip() for name in prescribe.split(",") if name.strip()]
-    robot = read(path, names, limits=bool(limits), balance_inertia=bool(balance))
+    limits, balance, floating, leave_out = options
+    more: Any = {"limits": bool(limits), "balance_inertia": bool(balance), "leave_out": _words(leave_out)}
+    if path.lower().endswith(".urdf"):
+        robot = Linkage.from_urdf(path, _words(prescribe), floating_base=bool(floating), **more)
+    elif floating:
+        raise ProjectError(f"{path}: floating-base is of URDF files; in MJCF a body of the world has a <freejoint>")
+    else:
+        robot = Linkage.from_mjcf(path, _words(prescribe), **more)
     _files[robot] = Path(path).resolve()
     return robot
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def component(target: Target) -> type[Component]:

@@ -31,8 +31,8 @@ MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 """Elements of a tensor of inertia, in their order in a declaration."""
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-_UNITS = {"stiffness": "N/m", "damping": "N.s/m", "friction": "N"}
-_TURNING = {"stiffness": "N.m/rad", "damping": "N.m.s/rad", "friction": "N.m"}
+_UNITS = {"stiffness": "N/m", "damping": "N.s/m", "friction": "N", "armature": "kg"}
+_TURNING = {"stiffness": "N.m/rad", "damping": "N.m.s/rad", "friction": "N.m", "armature": "kg.m2"}
 _ZERO = (0.0, 0.0, 0.0)
 
 
@@ -49,6 +49,7 @@ class Frame:
     axes: ca.SX  # S, constant in the frame: v = X v_parent + S q̇ (6, k)
     prescribed: bool
     rows: list[int]  # of its coordinates among the free velocities, or the active coordinates
+    armature: ca.SX  # inertia against these rates alone (k, k)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,9 @@ class BodyJoint(Declaration[ca.SX]):
     :param start: start value; of several coordinates a tuple.  ``start_rate`` likewise.
     :param limits: lowest and highest value: unilateral liaisons, or the domain of a prescribed coordinate.
     :param restitution: of the impacts at the limits.
-    :param stiffness: towards 0 [N/m, N.m/rad]; ``damping`` [N.s/m, N.m.s/rad]; ``friction``, dry [N, N.m].
+    :param stiffness: towards ``unstressed`` [N/m, N.m/rad]; ``damping`` [N.s/m, N.m.s/rad]; ``friction``, dry [N, N.m].
+    :param armature: inertia of what turns or shifts with the coordinate alone, as a rotor does [kg, kg.m2].
+    :param reference: value of the coordinate at which both frames coincide, instead of 0.
     """
 
     example = "Revolute(ground, crank, axis='y', at=(0, 0, 1))"
@@ -158,6 +161,9 @@ class BodyJoint(Declaration[ca.SX]):
         stiffness: float = 0.0,
         damping: float = 0.0,
         friction: float = 0.0,
+        armature: float = 0.0,
+        reference: float = 0.0,
+        unstressed: float = 0.0,
     ) -> None:
         super().__init__("1", "joint")
         self.parent, self.child, self.axis = parent, child, axis
@@ -165,7 +171,8 @@ class BodyJoint(Declaration[ca.SX]):
         self.prescribed = endings if prescribed is True else prescribed or ()
         self.at, self.rotation, self.at_child, self.rotation_child = at, rotation, at_child, rotation_child
         self.start, self.start_rate, self.limits, self.restitution = start, start_rate, limits, restitution
-        self.stiffness, self.damping, self.friction = stiffness, damping, friction
+        self.stiffness, self.damping, self.friction, self.armature = stiffness, damping, friction, armature
+        self.reference, self.unstressed = reference, unstressed
 
     @property
     def bodies(self) -> tuple[Any, ...]:
@@ -235,12 +242,18 @@ class BodyJoint(Declaration[ca.SX]):
         return limits
 
     def _law_parameters(self) -> NamedDeclarations:
-        """Parameters of stiffness, damping and dry friction."""
+        """Parameters of stiffness, damping, dry friction and armature, and of the values where the first two begin."""
         kinds = {kind for _, kind, _ in self.motions}
+        for name in ("reference", "unstressed"):
+            (number,) = finite_numbers(self, name, [getattr(self, name)], 1)
+            if number and (len(self.motions) != 1 or "ball" in kinds):
+                self.refuse(f"{name} = {number:g}: of one coordinate alone; use a joint for each")
+            unit = "m" if kinds == {"shift"} else "rad"
+            yield from nonzero_parameters(f"{self.name}_{name}", [""], [number], unit, f"{name} value of {self.name}")
         for name, unit in (_UNITS if kinds == {"shift"} else _TURNING).items():
             if not (value := getattr(self, name)):
                 continue
-            if len(kinds) != 1 or (kinds == {"ball"} and name != "damping"):
+            if len(kinds) != 1 or (kinds == {"ball"} and name not in ("damping", "armature")):
                 self.refuse(
                     f"{name} = {value}: of coordinates of different kinds; use SpringDamper, or a joint for each"
                 )
@@ -262,14 +275,16 @@ class BodyJoint(Declaration[ca.SX]):
             if kind == "ball":
                 rotation, axes = rotation @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
             elif kind != "weld":
-                q, advance = m.symbols[name], m.parameter_or_zero(f"{self.name}_pitch") / (2 * pi)
+                q = m.symbols[name] - m.parameter_or_zero(f"{self.name}_reference")
+                advance = m.parameter_or_zero(f"{self.name}_pitch") / (2 * pi)
                 position += rotation @ unit * (q if kind == "shift" else advance * q)
                 axes = ca.vertcat(ca.SX(3, 1), unit) if kind == "shift" else ca.vertcat(unit, advance * unit)
                 rotation = rotation @ axis_rotation(unit, q) if kind == "turn" else rotation
             last = i + 1 >= len(self.motions)
             prescribed = kind == "weld" or self.is_prescribed(ending)
             body, own = self.child if last else None, rows.get(name, [])
-            yield Frame(name, self, body, parent, rotation, position, axes, prescribed, own)
+            armature = m.parameter_or_zero(f"{self.name}_armature") * ca.SX.eye(axes.shape[1])
+            yield Frame(name, self, body, parent, rotation, position, axes, prescribed, own, armature)
             rotation, position, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
 
 

@@ -87,27 +87,46 @@ class Linkage(Mechanism, abstract=True):
 
     @classmethod
     def from_urdf(
-        cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+        cls,
+        path: Path | str,
+        prescribe: Iterable[str] = (),
+        *,
+        limits: bool = False,
+        balance_inertia: bool = False,
+        floating_base: bool = False,
+        leave_out: Iterable[str] = (),
     ) -> type[Linkage]:
         """A class of a URDF file's links and joints; its root link is the ground.
 
         :param prescribe: joints that an operator prescribes.
         :param limits: whether limits of joints become stops; a start value outside moves to the middle.
         :param balance_inertia: whether principal moments of which one exceeds the sum of the others become their mean.
+        :param floating_base: whether the root link moves freely, by the joint ``floating_base``.
+        :param leave_out: names of elements or attributes that would move the bodies, which a linkage cannot.
         :raises ComponentError: for a file that cannot be read, or a wrong link or joint in it.
         """
+        from liaisons.linkages.robot_files.robot import RobotOptions
         from liaisons.linkages.robot_files.urdf import read_urdf
 
-        return cls._of_robot(read_urdf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
+        return cls._of_robot(
+            read_urdf(path, RobotOptions(prescribe, limits, balance_inertia, floating_base, leave_out))
+        )
 
     @classmethod
     def from_mjcf(
-        cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
+        cls,
+        path: Path | str,
+        prescribe: Iterable[str] = (),
+        *,
+        limits: bool = False,
+        balance_inertia: bool = False,
+        leave_out: Iterable[str] = (),
     ) -> type[Linkage]:
         """A class of an MJCF file's bodies and joints, with its gravity; arguments are those of from_urdf."""
         from liaisons.linkages.robot_files.mjcf import read_mjcf
+        from liaisons.linkages.robot_files.robot import RobotOptions
 
-        return cls._of_robot(read_mjcf(path, prescribe, limits=limits, balance_inertia=balance_inertia))
+        return cls._of_robot(read_mjcf(path, RobotOptions(prescribe, limits, balance_inertia, leave_out=leave_out)))
 
     @classmethod
     def _of_robot(cls, robot: Robot) -> type[Linkage]:
@@ -136,7 +155,8 @@ class Linkage(Mechanism, abstract=True):
         """Potential energy of the springs, at joints and between points."""
         total = ca.SX(0)
         for joint in self._tree:
-            total += self.parameter_or_zero(f"{joint.name}_stiffness") / 2 * ca.sumsqr(joint.value_in(self))
+            stretch = joint.value_in(self) - self.parameter_or_zero(f"{joint.name}_unstressed")
+            total += self.parameter_or_zero(f"{joint.name}_stiffness") / 2 * ca.sumsqr(stretch)
         for spring in self._springs:
             length = self.parameter_or_zero(f"{spring.name}_length")
             stretch = getattr(self, spring.name) - length if length.nnz() else spring.vector_between(self)
@@ -171,6 +191,8 @@ class Linkage(Mechanism, abstract=True):
         for i, frame in enumerate(self.frames):
             velocity = ca.vertcat(self._body_frames[i].spin, self._body_frames[i].velocity)
             total += ca.dot(velocity, self.spatial_inertia(frame.body) @ velocity) / 2
+            rates = (self.active.s_dot if frame.prescribed else self.free.q_dot)[frame.rows, 0]
+            total += ca.dot(rates, frame.armature @ rates) / 2
         return total
 
     def potential_energy(self) -> ca.SX:
@@ -234,10 +256,13 @@ class Linkage(Mechanism, abstract=True):
             return
         if not np.isfinite(matrix).all():
             raise ComponentError(f"{type(self).__name__}: the kinetic energy is not finite at the start; check places")
-        still = int(np.argmax(np.abs(np.linalg.eigh(matrix)[1][:, 0])))
-        frame = next(frame for frame in self.frames if not frame.prescribed and still in frame.rows)
+        sizes, directions = np.linalg.eigh(matrix)
+        shares = np.square(directions[:, np.abs(sizes) <= 1e-14 * np.abs(matrix).max(initial=0.0)]).sum(axis=1)
+        still = [i for i, share in enumerate(shares) if share > 0.99] or [int(np.argmax(np.abs(directions[:, 0])))]
+        frame = next(frame for frame in self.frames if not frame.prescribed and still[0] in frame.rows)
+        rates = ", ".join(str(self.free.q_dot[row]) for row in still)
         frame.joint.refuse(
-            f"no mass moves with {self.free.q_dot[still]} at the start, neither of {frame.joint.child.name} nor of "
+            f"no mass moves with {rates} at the start, neither of {frame.joint.child.name} nor of "
             "what it carries; give it a mass, or an inertia, or let prescribed=True"
         )
 

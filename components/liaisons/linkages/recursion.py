@@ -2,14 +2,14 @@
 
 Spatial vectors are those of Featherstone (Rigid Body Dynamics Algorithms, 2008): motions (ω, v) and forces (n, f) about
 the origin of a frame, with its axes.  X takes motions from the parent's frame, Xᵀ forces back; S are the axes of the
-frame's coordinates, I its spatial inertia, w the acceleration of gravity in its axes.  Lists have the ground behind the
-last frame, at -1, the number of the parent that it is.
+frame's coordinates, a their armature, I its spatial inertia, w the acceleration of gravity in its axes.  Lists have the
+ground behind the last frame, at -1, the number of the parent that it is.
 
 =============  =============================================================================================
 velocities     v = X v_parent + S q̇
-momenta        h = I v + Σ_children Xᵀ h;  p = Sᵀ h
+momenta        h = I v + Σ_children Xᵀ h;  p = Sᵀ h + a q̇
 ∂L/∂q          (X v_parent × S)ᵀ h + Sᵀ W,  W = I w + Σ_children Xᵀ W
-q̇ of p, σ̇      inwards A = I, b = 0, and of each child, with U = A S, D = Sᵀ U, u = p − Sᵀ b:  A − U D⁻¹ Uᵀ and
+q̇ of p, σ̇      inwards A = I, b = 0, and of each child, with U = A S, D = Sᵀ U + a, u = p − Sᵀ b:  A − U D⁻¹ Uᵀ and
                b + U D⁻¹ u; if it is prescribed A and b + U σ̇;  outwards q̇ = D⁻¹ (u − Uᵀ X v_parent)
 q̈, λ           the same with forces, bias v ×* I v and turning X v_parent × S q̇: articulated bodies
 mass matrix    composite rigid bodies
@@ -47,7 +47,9 @@ class Recursion:
     @property
     def generalised_momenta(self) -> ca.SX:
         """Momenta p = ∂L/∂ẋ of the free velocities (f,)."""
-        return self._axis_forces(self.momenta)
+        rates = self.m.free.q_dot, self.m.active.s_dot
+        own = [frame.armature @ rates[frame.prescribed][frame.rows, 0] for frame in self.frames]
+        return self._axis_forces(self.momenta) + self._free_and_active_columns(own)[0]
 
     @property
     def lagrangian_gradient(self) -> ca.SX:
@@ -88,7 +90,7 @@ class Recursion:
                 b += A @ (turning[i] + S @ prescribed[frame.rows, 0])
             else:
                 U = A @ S
-                both = solve_symmetric(S.T @ U, ca.horzcat(U.T, load[frame.rows, 0] - S.T @ b))
+                both = solve_symmetric(S.T @ U + frame.armature, ca.horzcat(U.T, load[frame.rows, 0] - S.T @ b))
                 solved[i] = both[:, :6], both[:, 6]
                 A = _from_upper_triangle(A - U @ both[:, :6])
                 b += A @ turning[i] + U @ both[:, 6]
@@ -101,7 +103,7 @@ class Recursion:
             rate = prescribed[frame.rows, 0] if frame.prescribed else constant - slope @ carried
             motions[i] = carried + frame.axes @ rate
             needed = articulated[i] @ motions[i] + biases[i]
-            results.append(frame.axes.T @ needed if frame.prescribed else rate)
+            results.append(frame.axes.T @ needed + frame.armature @ rate if frame.prescribed else rate)
         return self._free_and_active_columns(results)
 
     @property
@@ -139,6 +141,7 @@ class Recursion:
             if not frame.prescribed:
                 forces[i][:, frame.rows] = composite[i] @ frame.axes
                 A[frame.rows, :] = frame.axes.T @ forces[i]
+                A[frame.rows, frame.rows] += frame.armature
                 A[:, frame.rows] = A[frame.rows, :].T
             composite[frame.parent] += _inertia_in_parent(frame, composite[i])
             forces[frame.parent] += _force_in_parent(frame, forces[i])

@@ -169,14 +169,18 @@ def parse_assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
-def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool, balance_inertia: bool) -> list[str]:
-    """Words of a command, robots' files with --prescribe and further options appended; print what these files lose."""
-    if (prescribe or limits or balance_inertia) and not any(map(is_robot, words)):
+def add_robot_options(words: Sequence[str], prescribe: str, leave_out: str = "", **options: bool) -> list[str]:
+    """Words of a command, robots' files with --prescribe and further options appended; print what these files lose.
+
+    :param options: flags, limits, balance_inertia and floating_base.
+    """
+    if (prescribe or leave_out or any(options.values())) and not any(map(is_robot, words)):
         raise typer.BadParameter(
             "--prescribe and --limits are of a robot's file, .urdf or .xml; a joint of a class has prescribed=True, "
             "limits=(low, high)"
         )
-    ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits + ":balance-inertia" * balance_inertia
+    flags = "".join(f":{name.replace('_', '-')}" for name, is_set in options.items() if is_set)
+    ending = f":{prescribe}" * bool(prescribe) + flags + f":leave-out={leave_out}" * bool(leave_out)
     targets = [f"{word}{ending}" if is_robot(word) else word for word in words]
     for target in filter(is_robot, targets):
         for line in getattr(components(target)[0], "left_out", ()):
@@ -197,6 +201,12 @@ Limits = Annotated[bool, flag("--limits", "of a robot's file: stops at the limit
 
 BalanceInertia = Annotated[
     bool, flag("--balance-inertia", "of a robot's file: the mean of principal moments that no body has")
+]
+
+FloatingBase = Annotated[bool, flag("--floating-base", "of a URDF file: its root link moves freely")]
+
+LeaveOut = Annotated[
+    str, option("NAME,...", "of a robot's file: what would move it, and is left out, as viscosity", "--leave-out")
 ]
 
 Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]

@@ -25,6 +25,8 @@ from liaisons.library import build_versions, reserve_fmu
 from liaisons.library import components as find
 from liaisons_tools.cli._command import (
     BalanceInertia,
+    FloatingBase,
+    LeaveOut,
     Limits,
     Prescribe,
     Size,
@@ -126,6 +128,8 @@ def build(
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
+    floating_base: FloatingBase = False,
+    leave_out: LeaveOut = "",
     as_modelica: Annotated[
         bool,
         flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
@@ -140,7 +144,9 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    targets = add_robot_options(targets or [], prescribe, limits=limits, balance_inertia=balance_inertia)
+    targets = add_robot_options(
+        targets or [], prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
+    )
     chosen = targets or declared_components()
     chosen = [component.__name__ for component in find("all")] if chosen is None else chosen
     named = [(t, component) for t in chosen for component in find(t)]

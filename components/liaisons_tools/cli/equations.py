@@ -8,6 +8,8 @@ import typer
 
 from liaisons_tools.cli._command import (
     BalanceInertia,
+    FloatingBase,
+    LeaveOut,
     Limits,
     Prescribe,
     add_robot_options,
@@ -40,6 +42,8 @@ def equations(
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
+    floating_base: FloatingBase = False,
+    leave_out: LeaveOut = "",
     part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
     fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
     text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
@@ -52,7 +56,9 @@ def equations(
     part = part or own
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
-    (target,) = add_robot_options([target], prescribe, limits=limits, balance_inertia=balance_inertia)
+    (target,) = add_robot_options(
+        [target], prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
+    )
     from liaisons import System
     from liaisons import equations as displayed
     from liaisons import modelica as modelica_text

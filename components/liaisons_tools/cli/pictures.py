@@ -9,8 +9,10 @@ from typing import Annotated
 from liaisons.base.project import ProjectError
 from liaisons_tools.cli._command import (
     BalanceInertia,
+    FloatingBase,
     Inputs,
     Join,
+    LeaveOut,
     Limits,
     Prescribe,
     Size,
@@ -54,6 +56,8 @@ def animate(
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
+    floating_base: FloatingBase = False,
+    leave_out: LeaveOut = "",
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -72,7 +76,9 @@ def animate(
     from liaisons import read_result
     from liaisons_tools.cli._subject import requested_simulation
 
-    (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
+    (fmu,) = add_robot_options(
+        [fmu], prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
+    )
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
         asked = requested_simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
@@ -105,6 +111,8 @@ def show(
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
+    floating_base: FloatingBase = False,
+    leave_out: LeaveOut = "",
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
@@ -118,7 +126,9 @@ def show(
     from liaisons_exchange.live import default_page_path
     from liaisons_tools.cli._subject import requested_simulation, resolved_subject
 
-    fmu, *others = add_robot_options(fmus, prescribe, limits=limits, balance_inertia=balance_inertia)
+    fmu, *others = add_robot_options(
+        fmus, prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
+    )
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")

@@ -17,8 +17,10 @@ from liaisons.base.processes import TIME_LIMIT
 from liaisons.errors import SimulationError
 from liaisons_tools.cli._command import (
     BalanceInertia,
+    FloatingBase,
     Inputs,
     Join,
+    LeaveOut,
     Limits,
     Prescribe,
     Size,
@@ -75,6 +77,8 @@ def simulate(
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
+    floating_base: FloatingBase = False,
+    leave_out: LeaveOut = "",
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -99,7 +103,9 @@ def simulate(
     from liaisons.results import IncompleteError, Interrupted
     from liaisons_tools.cli._subject import requested_simulation
 
-    (fmu,) = add_robot_options([fmu], prescribe, limits=limits, balance_inertia=balance_inertia)
+    (fmu,) = add_robot_options(
+        [fmu], prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
+    )
     names = record.split(",") if record else None
     asked = requested_simulation(
         fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=isolated, size=size

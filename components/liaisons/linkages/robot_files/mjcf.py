@@ -1,6 +1,6 @@
 """MJCF: the format of models of MuJoCo."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from math import pi
 from pathlib import Path
@@ -13,17 +13,26 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
 from liaisons.linkages.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
-from liaisons.linkages.robot_files.robot import MassProperties, Pose, Robot, identifier, roll_pitch_yaw, rotation_onto
+from liaisons.linkages.robot_files.robot import (
+    Coupling,
+    MassProperties,
+    Pose,
+    Robot,
+    RobotOptions,
+    identifier,
+    roll_pitch_yaw,
+    rotation_onto,
+)
 
 _JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
 _CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}
-_REFUSED = ["include", "frame", "replicate", "attach", "composite", "flexcomp"]
+_REFUSED = ["frame", "replicate", "attach", "composite", "flexcomp"]
 _ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 _PLACE = " ".join(("pos", "quat", *_ORIENTATIONS))
 _READ = {  # attributes by tag; what others have is listed as left out
     "compiler": "angle autolimits balanceinertia boundinertia boundmass coordinate eulerseq inertiafromgeom "
     "inertiagrouprange settotalmass",
-    "option": "gravity wind density viscosity",
+    "option": "gravity density viscosity",
     "flag": "gravity spring damper frictionloss limit equality constraint contact",
     "body": f"name childclass mocap gravcomp {_PLACE}",
     "inertial": f"mass diaginertia fullinertia {_PLACE}",
@@ -31,23 +40,30 @@ _READ = {  # attributes by tag; what others have is listed as left out
     "springdamper springyield",
     "freejoint": "name",
     "geom": f"name class type size fromto mass density group mesh shellinertia {_PLACE}",
-    "connect": "name class body1 body2 anchor active",
-    "weld": "name class body1 body2 relpose active",
+    "equality/connect": "name class body1 body2 anchor active",
+    "equality/joint": "name class joint1 joint2 polycoef active",
+    "equality/tendon": "name class tendon1 tendon2 polycoef active",
+    "equality/weld": "name class body1 body2 relpose active",
+    "tendon/fixed": "name class stiffness damping frictionloss armature limited range",
+    "tendon/spatial": "name class stiffness damping frictionloss armature limited range",
 }
-_SECTIONS = ["compiler", "option", "default", "worldbody", "equality"]
+_ACTUATORS = (
+    *("general", "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder"),
+    *("muscle", "adhesion", "dcmotor"),
+)
+_SECTIONS = ["default", "worldbody", "equality"]
 _DENSITY = "1000"  # [kg/m3] of a geom without mass
 
 
-def read_mjcf(
-    path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
-) -> Robot:
+def read_mjcf(path: Path | str, options: RobotOptions) -> Robot:
     """Bodies, joints and shapes of an MJCF file.
 
     :raises ComponentError: for a file with a wrong value, or with what would move the bodies in another manner.
     """
-    reader = _Reader(Robot(path, "mujoco", prescribe, limits=limits, balance_inertia=balance_inertia))
-    reader.read()
-    return reader.robot
+    robot = Robot(path, "mujoco", options)
+    robot.include_files("mujoco", "mujocoinclude")
+    _Reader(robot).read()
+    return robot
 
 
 @final
@@ -68,39 +84,50 @@ class _Reader:
             robot.refuse("<compiler>", f"eulerseq = {shown(self.sequence)}: it has three letters of xyzXYZ")
         self.groups = robot.numbers("<compiler>", self.compiler, "inertiagrouprange", "0 5", 2)
         self.least = [robot.number("<compiler>", self.compiler, key) for key in ("boundmass", "boundinertia")]
-        if robot.number("<compiler>", self.compiler, "settotalmass", "-1") > 0:
-            robot.refuse("<compiler>", "settotalmass is not read; scale the masses")
+        self.total_mass = robot.number("<compiler>", self.compiler, "settotalmass", "-1")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for element in robot.document.findall("default"):
             self._read_default(element, "main", "main")
             self.defaults[element.get("class", "main")] = self.defaults["main"]
         # The body, its pose in the world, and that of the file's frame, which does not lie at the joint.
         self.bodies: dict[str, tuple[Body, Pose, Pose]] = {"world": (ground, Pose(), Pose())}
+        self.joints: dict[str, str] = {}  # their identifiers
+        self.tendons: dict[str, dict[str, float]] = {}
         self.fixed: list[Body] = [ground]
 
     def read(self) -> None:
         """Declare the bodies and joints of the document, and the joints that close loops."""
         robot = self.robot
+        self._list_what_is_left_out()
+        for world in robot.document.findall("worldbody"):
+            self._read_contents(world, ground, Pose(), Pose(), "main")
+        self.tendons = dict(map(self._read_tendon, robot.document.findall("tendon/*")))
+        for element in robot.document.findall("equality/*"):
+            self._read_equality(element)
+        robot.declare_couplings()
+        if self.total_mass > 0:
+            robot.scale_masses(self.total_mass)
+
+    def _list_what_is_left_out(self) -> None:
+        """List or refuse what the document has beside bodies, joints and tendons; take its gravity."""
+        robot, option = self.robot, self._merged("option")
         for tag in _REFUSED:
             if robot.document.find(f".//{tag}") is not None:
                 robot.refuse(f"<{tag}>", "it is not read; write out the bodies that it makes")
-        option = self._merged("option")
         for element in (self.compiler, self.flags, option):
             self._list_unread(element)
         robot.gravity = robot.numbers("<option>", option, "gravity", "0 0 -9.81", 3) * self._has("gravity")
-        robot.remarks += [f"{medium} of <option>" for medium in ("wind", "density", "viscosity") if option.get(medium)]
-        for section in robot.document:
-            if section.tag not in _SECTIONS:
-                robot.list_unread(section)
-            if section.tag not in ("default", "worldbody", "equality"):
-                known = ["flag"] * (section.tag == "option")
-                robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section if child.tag not in known)
+        for medium in ("density", "viscosity"):
+            if robot.number("<option>", option, medium):
+                why = f"{medium} = {option.get(medium)}: a medium that resists motion is none of a linkage; delete it"
+                robot.leave_out_or_refuse(medium, "<option>", why)
+        for section in (section for section in robot.document if section.tag not in _SECTIONS):
+            robot.list_unread(section, " ".join(section.attrib) if section.tag in ("compiler", "option") else "")
+            robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section if child.tag != "flag")
         if robot.document.find("worldbody//geom") is not None and self._has("contact"):
             robot.remarks.append("contacts between geoms")
-        for world in robot.document.findall("worldbody"):
-            self._read_contents(world, ground, Pose(), Pose(), "main")
-        for element in robot.document.findall("equality/*"):
-            self._read_equality(element)
+        for element in (element for element in robot.document.iter() if element.tag in _ACTUATORS):
+            self._check_actuator(element)
 
     def _word(self, item: str, element: Element, key: str, default: str, *others: str) -> str:
         """Keyword of an attribute, one of these."""
@@ -116,8 +143,9 @@ class _Reader:
         flags = [flag, *["constraint"] * of_constraints]
         return all(self._word("<flag>", self.flags, name, "enable", "disable") == "enable" for name in flags)
 
-    def _list_unread(self, element: Element) -> None:
-        self.robot.list_unread(element, _READ.get(element.tag, "name class"))
+    def _list_unread(self, element: Element, group: str = "") -> None:
+        key = f"{group}/{element.tag}" if group in ("equality", "tendon") else element.tag
+        self.robot.list_unread(element, _READ.get(key, "name class"))
 
     def _merged(self, tag: str) -> Element:
         """An element with the attributes of all elements of this tag, the last value of each."""
@@ -130,7 +158,7 @@ class _Reader:
         if not name:
             self.robot.refuse(self.robot.item("<default>", element), "it has no class; give it one")
         own = self.defaults.setdefault(name, {})
-        for tag in ("joint", "geom", "equality"):
+        for tag in ("joint", "geom", "equality", "tendon"):
             child = element.find(tag)
             own[tag] = self.defaults[outer].get(tag, {}) | ({} if child is None else child.attrib)
         for child in element:
@@ -150,7 +178,7 @@ class _Reader:
                 item, f"class = {shown(name)}: no <default> is called so{suggestion(name, self.defaults)}"
             )
         resolved = Element(element.tag, self.defaults[name].get(tag or element.tag, {}) | element.attrib)
-        self._list_unread(resolved)
+        self._list_unread(resolved, tag)
         return resolved
 
     def _pose(self, item: str, element: Element) -> Pose:
@@ -204,8 +232,8 @@ class _Reader:
             robot.refuse(item, "another body has this name; rename it")
         if element.get("mocap", "false") != "false":
             robot.refuse(item, "mocap: let joints hold the body, and prescribe them")
-        if element.get("gravcomp"):
-            robot.remarks.append(f"gravcomp of {item}")
+        if robot.number(item, element, "gravcomp"):
+            robot.leave_out_or_refuse("gravcomp", item, "gravcomp: weights of a linkage are not compensated; delete it")
         pose = self._pose(item, element)
         originals = [child for child in element if child.tag in ("joint", "freejoint")]
         joints = [self._resolved(item, child, childclass) for child in originals]
@@ -246,30 +274,65 @@ class _Reader:
             return
         if kind not in _JOINTS:
             robot.refuse(item, f"type = {shown(kind)}: no joint of MJCF{suggestion(kind, _JOINTS)}")
-        law = self._joint_law(item, element)
-        if armature := robot.number(item, element, "armature"):
-            robot.remarks.append(f"armature = {armature:g} of {item}")
-        more: dict[str, Any] = {} if kind == "free" else {key.removesuffix("loss"): law[key] for key in law}
-        if kind == "free":
-            robot.remarks += [f"{key} of {item}, which is free" for key, value in law.items() if value]
+        more = self._joint_law(item, element, kind)
         if kind in ("hinge", "slide"):
             more["axis"] = tuple(robot.direction(item, element, "axis", "0 0 1"))
         more |= self._joint_limits(item, element, kind)
         robot.declare_joint(_JOINTS[kind], name, ends, pose, **more)
+        self.joints[name] = identifier(name)
 
-    def _joint_law(self, item: str, element: Element) -> dict[str, Any]:
-        """Stiffness, damping and dry friction of a joint."""
-        robot = self.robot
-        law = {"frictionloss": robot.number(item, element, "frictionloss", minimum=0) * self._has("frictionloss")}
-        for key, flag in (("stiffness", "spring"), ("damping", "damper")):
+    def _joint_law(self, item: str, element: Element, kind: str) -> dict[str, Any]:
+        """Armature, stiffness, damping and dry friction of a joint, and where its coordinate and spring begin."""
+        robot, law = self.robot, dict[str, Any]()
+        flags = {"armature": None, "stiffness": "spring", "damping": "damper", "frictionloss": "frictionloss"}
+        for key, flag in flags.items():
             value, *higher = robot.numbers(item, element, key, "0", 1, 2, 3, minimum=0)
-            law[key] = value * self._has(flag)
+            law[key] = value * (flag is None or self._has(flag))
             if any(higher):
                 robot.refuse(item, f"{key} = {shown(element.get(key))}: delete all but the first number")
-        for key in ("ref", "springdamper", *["springref", "springyield"] * bool(law["stiffness"])):
+        for key in [*["springdamper"] * self._has("spring"), *["springyield"] * bool(law["stiffness"])]:
             if robot.numbers(item, element, key, "0", 1, 2).any():
-                robot.refuse(item, f"{key}: coordinates and springs of a linkage begin at 0; delete it")
+                robot.leave_out_or_refuse(key, item, f"{key}: springs of a linkage have one stiffness; delete it")
+        lacking = {"free": [*law], "ball": ["stiffness", "frictionloss"]}.get(kind, [])
+        for key in (key for key in lacking if law[key]):
+            why = f"{key} = {law[key]:g}: a {kind} joint of a linkage has none; set it to 0"
+            robot.leave_out_or_refuse(key, item, why)
+            del law[key]
+        law["friction"] = law.pop("frictionloss", 0.0)
+        if kind in ("hinge", "slide"):
+            unit = self.unit if kind == "hinge" else 1.0
+            law["reference"] = law["start"] = unit * robot.number(item, element, "ref")
+            law["unstressed"] = unit * robot.number(item, element, "springref") * bool(law["stiffness"])
         return law
+
+    def _check_actuator(self, element: Element) -> None:
+        """Refuse armature and damping of an actuator, or of actuators by default."""
+        for key in (key for key in ("armature", "damping") if key in element.attrib):
+            item = self.robot.item(f"{element.tag} {shown(element.get('name', 'without name'))}", element)
+            if self.robot.numbers(item, element, key, "0", 1, 2, 3).any():
+                why = f"{key} = {shown(element.get(key))}: actuators are left out; give it to the joint"
+                self.robot.leave_out_or_refuse(key, item, why)
+
+    def _read_tendon(self, element: Element) -> tuple[str, dict[str, float]]:
+        """Name of a tendon, and the factors of its joints; none of one through space."""
+        robot, name = self.robot, element.get("name") or f"tendon_{len(self.tendons)}"
+        item = robot.item(f"{element.tag} tendon {shown(name)}", element)
+        resolved = self._resolved(item, element, "main", "tendon")
+        flags = {"armature": None, "stiffness": "spring", "damping": "damper", "frictionloss": "frictionloss"}
+        for key, flag in flags.items():
+            if robot.numbers(item, resolved, key, "0", 1, 2, 3).any() and (flag is None or self._has(flag)):
+                why = f"{key} = {resolved.get(key)}: tendons of a linkage exert no force; delete it"
+                robot.leave_out_or_refuse(key, item, why)
+        limited = self._word(item, resolved, "limited", "auto", "true", "false")
+        if self._has("limit") and (limited == "true" or (limited == "auto" and "range" in resolved.attrib)):
+            robot.leave_out_or_refuse("range", item, "range: tendons of a linkage have no limits; delete it")
+        terms: dict[str, float] = {}
+        for joint in element.findall("joint") if element.tag == "fixed" else ():
+            own = joint.get("joint", "")
+            if own not in self.joints:
+                robot.refuse(item, f"{shown(own)} is no joint{suggestion(own, self.joints)}")
+            terms[self.joints[own]] = robot.number(item, joint, "coef", None)
+        return name, terms
 
     def _joint_limits(self, item: str, element: Element, kind: str) -> dict[str, Any]:
         """Limits of a joint, if it has any."""
@@ -359,11 +422,15 @@ class _Reader:
 
     def _read_equality(self, element: Element) -> None:
         """Declare the joint that an equality constraint stands for."""
-        robot, name = self.robot, element.get("name") or f"{element.tag}_{len(self.robot.members)}"
+        robot = self.robot
+        name = element.get("name") or f"{element.tag}_{len(robot.members) + len(robot.couplings)}"
         item, owner = robot.item(f"{element.tag} {shown(name)}", element), element.get("body1", "")
         element = self._resolved(item, element, "main", "equality")
         if self._word(item, element, "active", "true", "false") == "false" or not self._has("equality"):
             robot.remarks.append(f"{item}, which is not active")
+            return
+        if element.tag in ("joint", "tendon"):
+            self._couple(name, item, element)
             return
         if element.tag not in _CLOSING or not owner or "relpose" in element.attrib:
             robot.refuse(item, "of equalities only connect and weld of bodies, at the start, are joints; delete it")
@@ -387,6 +454,26 @@ class _Reader:
             at_child=position,
             rotation_child=angles,
         )
+
+    def _couple(self, name: str, item: str, element: Element) -> None:
+        """Declare the coupling of two joints or fixed tendons, or the value of one."""
+        robot, sides = self.robot, [dict[str, float](), dict[str, float]()]
+        references = {name: {joint: 1.0} for name, joint in self.joints.items()}
+        known = references if element.tag == "joint" else self.tendons
+        for i, key in enumerate((f"{element.tag}1", f"{element.tag}2")):
+            if (own := element.get(key)) is not None and not known.get(own):
+                robot.refuse(
+                    item,
+                    f"{shown(own)} is no {'fixed ' * (element.tag == 'tendon')}{element.tag}{suggestion(own, known)}",
+                )
+            sides[i] = known[own] if own is not None else {}
+        if not sides[0]:
+            robot.refuse(item, f"it has no {element.tag}1")
+        given = robot.numbers(item, element, "polycoef", "0 1", 1, 2, 3, 4, 5)
+        polynomial = [*given, *[0.0, 1.0, 0.0, 0.0, 0.0][len(given) :]]
+        own_name = robot.free_name(item, identifier(name), f"{element.tag}s", robot.members)
+        units = ("", "") if element.tag == "joint" else ("m", "m")
+        robot.couplings.append(Coupling(item, own_name, sides[0], sides[1], tuple(polynomial), units))
 
 
 def _joint_type(joint: Element) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 from math import isfinite
@@ -20,10 +21,13 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import as_path, name_list, shown
 from liaisons.base.xml_documents import read_tree
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language import Ball, Box, Declaration, Gravity, Rod, Shape
-from liaisons.linkages.joints import MOMENTS, Body, BodyFrame, BodyJoint, Weld
+from liaisons.language import Ball, Box, Declaration, Gravity, Parameter, Rod, Shape, constraint
+from liaisons.linkages.joints import MOMENTS, Body, BodyFrame, BodyJoint, Prismatic, Revolute, Weld
 
 _MOST_BODIES = 1000
+_MOST_FILES = 100
+_COEFFICIENTS = ("offset", "multiplier", "quadratic", "cubic", "quartic")
+_DEEPEST = 200  # nesting of elements, includes expanded
 _RESERVED = {"gravity", "ground"}
 _GIVEN = {"energy", "work", "power", "dissipated", "dissipation", "energy_balance", "impact_loss", "time", "dot"}
 """Names that every FMU has of its own: bodies called so are renamed."""
@@ -57,27 +61,90 @@ class MassProperties(NamedTuple):
     tensor: np.ndarray = np.zeros((3, 3))
 
 
+@dataclass(frozen=True)
+class RobotOptions:
+    """What a user says of a robot's file.
+
+    :param prescribe: joints that an operator prescribes; ``limits``: whether limits of joints become stops.
+    :param balance_inertia: whether a tensor that no body has gets the mean of its principal moments.
+    :param floating_base: whether the root link of a URDF file moves freely.
+    :param leave_out: names of elements or attributes that move the bodies, which a linkage cannot, and need not have.
+    """
+
+    prescribe: Iterable[str] = ()
+    limits: bool = False
+    balance_inertia: bool = False
+    floating_base: bool = False
+    leave_out: Iterable[str] = ()
+
+
+class Coupling(NamedTuple):
+    """Condition on coordinates q of joints: Σ a (q - r) = c₀ + c₁ x + c₂ x² + ..., x = Σ b (q - r).
+
+    Its coefficients are parameters, called by its name; r are the reference values of the joints.
+    """
+
+    item: str
+    name: str
+    terms: Mapping[str, float]  # a, by joint
+    others: Mapping[str, float]  # b
+    polynomial: tuple[float, ...]
+    units: tuple[str, str] = ("", "")  # of both sides; by default those of their joints
+
+    @property
+    def description(self) -> str:
+        """What the condition does, for people."""
+        followers, leaders = (", ".join(side) for side in (self.terms, self.others))
+        return f"{followers} follows {leaders}" if leaders else f"{followers} stays"
+
+    def parameters(self, units: Mapping[str, str]) -> Iterator[tuple[str, Parameter]]:
+        """Parameters of the coefficients, by name.
+
+        :param units: of the coordinates, by joint.
+        """
+        sides = (("", self.terms), ("_leader", self.others))
+        given = zip(self.units, sides, strict=True)
+        left, right = (unit or next((units[joint] for joint in side), "1") for unit, (_, side) in given)
+        for (middle, side), whole in zip(sides, (left, right), strict=True):
+            for joint, factor in side.items():
+                unit = _quotient(whole, units[joint], 1)
+                if (unit, factor) != ("1", 1):
+                    text = f"factor of {joint} in {self.name}"
+                    yield f"{self.name}{middle}_{joint}", Parameter(factor, unit, text)
+        for power, (ending, value) in enumerate(zip(_COEFFICIENTS, self.polynomial, strict=False)):
+            if value:
+                unit = _quotient(left, right, power)
+                yield f"{self.name}_{ending}", Parameter(value, unit, f"{ending} coefficient of {self.name}")
+
+    def residual(self, value: Callable[[str, float], Any]) -> Any:
+        """Left less right side.
+
+        :param value: of a coordinate or parameter by its name; the number for one that is not there.
+        """
+        left, x = (
+            sum(value(f"{self.name}{middle}_{q}", 1) * (value(q, 0) - value(f"{q}_reference", 0)) for q in side)
+            for middle, side in (("", self.terms), ("_leader", self.others))
+        )
+        powers = (value(f"{self.name}_{ending}", 0) * x**power for power, ending in enumerate(_COEFFICIENTS))
+        return left - sum(powers)
+
+
 @final
 class Robot:
     """Declarations of a robot's file; errors name the file and the link or joint.
 
     :param root: tag of the document.
-    :param prescribe: joints that an operator prescribes; ``limits``: whether limits of joints become stops;
-        ``balance_inertia``: whether a tensor that no body has gets the mean of its principal moments.
     :raises ComponentError: for a file that cannot be read, as every method for what it cannot declare.
     """
 
-    def __init__(
-        self, path: Path | str, root: str, prescribe: Iterable[str], *, limits: bool, balance_inertia: bool
-    ) -> None:
-        self.path, self.limits = as_path("path", path, ComponentError), limits
-        self.balance_inertia = balance_inertia
-        self.prescribe = dict.fromkeys(name_list("prescribe", prescribe, ComponentError), False)
-        try:
-            with self.path.open("rb") as file:
-                self.document = read_tree(file)
-        except (OSError, ValueError) as error:
-            raise ComponentError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    def __init__(self, path: Path | str, root: str, options: RobotOptions) -> None:
+        self.path, self.limits = as_path("path", path, ComponentError), options.limits
+        self.balance_inertia = options.balance_inertia
+        self.prescribe = dict.fromkeys(name_list("prescribe", options.prescribe, ComponentError), False)
+        self.leave_out = dict.fromkeys(name_list("leave_out", options.leave_out, ComponentError), False)
+        self._sources: dict[Path, list[Element]] = {}  # elements by file, as they come in it
+        self.document = self._read_document(self.path)
+        self.couplings: list[Coupling] = []
         self.members: dict[str, Any] = {}
         self.visuals: dict[str, list[Any]] = {}  # functions of a BodyFrame, by body
         self.ignored: Counter[str] = Counter()
@@ -107,20 +174,72 @@ class Robot:
         element = self._elements.get(item, self.document.find(f".//{tag[1]}") if tag else None)
         raise ComponentError(f"{self.path}: {self._line(element)}{item}: {why}")
 
+    def leave_out_or_refuse(self, key: str, item: str, why: str) -> None:
+        """List what moves the bodies, and a linkage has not, if a user leaves it out by its name; else refuse it."""
+        if key not in self.leave_out:
+            self.refuse(item, f"{why}; or leave it out: leave_out={[key]}, --leave-out {key}")
+        self.leave_out[key] = True
+        self.remarks.append(f"{key} of {item}, on request" if key not in item else f"{item}, on request")
+
+    def include_files(self, *roots: str) -> None:
+        """Put what each <include> names in its place: files in the folder of the document, each once.
+
+        :param roots: tags that their documents may have.
+        """
+        self._include_into(self.document, roots, 1)
+
+    def _include_into(self, parent: Element, roots: tuple[str, ...], depth: int) -> None:
+        for child in [*parent]:
+            if depth >= _DEEPEST:
+                self.refuse(self.item(f"<{child.tag}>", child), f"its elements are nested more than {_DEEPEST} deep")
+            if child.tag != "include":
+                self._include_into(child, roots, depth + 1)
+                continue
+            name, folder = child.get("file", ""), self.path.resolve().parent
+            item = f"<include> of {shown(name)}"
+            self._elements[item] = child
+            path = (folder / name).resolve()
+            if not name or Path(name).is_absolute() or not path.is_relative_to(folder):
+                self.refuse(item, "the file does not lie in the folder of the document; move it there")
+            if path in self._sources or path == self.path.resolve():
+                self.refuse(item, "the file is there already; include each file once, and no file in itself")
+            if len(self._sources) > _MOST_FILES:
+                self.refuse(item, f"the document has more than {_MOST_FILES} files")
+            try:
+                included = self._read_document(path)
+            except ComponentError as error:
+                self.refuse(item, str(error).removeprefix(f"{path}: "))
+            if included.tag not in roots:
+                self.refuse(item, f"its document is <{shown(included.tag)}>; it must be <{roots[0]}>")
+            self._include_into(included, roots, depth + 1)
+            where = [*parent].index(child)
+            parent[where : where + 1] = [*included]
+
+    def _read_document(self, path: Path) -> Element:
+        try:
+            with path.open("rb") as file:
+                document = read_tree(file)
+        except (OSError, ValueError) as error:
+            raise ComponentError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+        self._sources[path] = [*document.iter()]
+        return document
+
     def located(self, text: str) -> str:
         """Text of an error in a declaration, after the file and the line of what it names."""
         named = (self._elements[word] for word in re.findall(r"\w+", text)[1:] if word in self._elements)
-        hint = "; balance_inertia=True or --balance-inertia takes their mean" if "exceeds the sum" in text else ""
+        wrong = "exceeds the sum" in text or "principal moments are" in text
+        hint = "; balance_inertia=True or --balance-inertia takes their mean" * wrong
+        hint += "; prescribe=[...] or --prescribe holds joints without mass" * ("no mass moves" in text)
         return f"{self.path}: {self._line(next(named, None))}{text}{hint}"
 
     def _line(self, element: Element | None) -> str:
         """``"line 3: "`` of an element; empty for None."""
-        lines: list[int] = []
-        parser = expat.ParserCreate()
-        parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
-        parser.Parse(self.path.read_bytes(), True)
-        found = (line for other, line in zip(self.document.iter(), lines, strict=False) if other is element)
-        return next((f"line {line}: " for line in found), "")
+        for path, elements in self._sources.items():
+            lines = _lines(path) if any(other is element for other in elements) else []
+            for other, line in zip(elements, lines, strict=False):
+                if other is element:
+                    return f"{path.name}: " * (path != self.path) + f"line {line}: "
+        return ""
 
     def list_unread(self, element: Element, read: str = "") -> None:
         """List the attributes of an element as left out, but for those that are read."""
@@ -236,7 +355,8 @@ class Robot:
         if low == high:
             self.remarks.append(f"limits of {item}, which are both {low:g}")
         elif self.limits and isfinite(low):
-            more |= {"limits": (low, high), "start": 0.0 if low <= 0 <= high else (low + high) / 2}
+            start = more.get("start", 0.0)
+            more |= {"limits": (low, high), "start": start if low <= start <= high else (low + high) / 2}
         elif isfinite(low):
             self.ignored["limits of joints (limits=True or --limits makes stops of them)"] += 1
         more = {key: value for key, value in more.items() if np.any(value)}
@@ -252,15 +372,55 @@ class Robot:
         function = partial(_shape, shape=shape, axes=pose.axes.as_matrix(), centre=pose.origin, size=_floats(size))
         self.visuals.setdefault(body.name, []).append(function)
 
+    def scale_masses(self, total: float) -> None:
+        """Scale masses and inertias of all bodies, so that their masses have this sum [kg]."""
+        bodies = [member for member in self.members.values() if isinstance(member, Body)]
+        factor = total / (sum(body.mass for body in bodies) or np.nan)
+        for body in bodies:
+            body.mass, body.inertia = body.mass * factor, tuple(factor * np.array(body.inertia))
+
+    def declare_couplings(self) -> None:
+        """Declare the couplings of joints as constraints, and let the first joint of each start where they hold."""
+        joints: dict[str, Any] = {
+            name: item for name, item in self.members.items() if isinstance(item, (Revolute, Prismatic))
+        }
+        units = {name: "m" if isinstance(joint, Prismatic) else "rad" for name, joint in joints.items()}
+        values = {f"{name}_reference": joint.reference for name, joint in joints.items()}
+        for coupling in self.couplings:
+            for name in {*coupling.terms, *coupling.others}.difference(joints):
+                self.refuse(coupling.item, f"joint {shown(name)}: it has no single coordinate")
+            for name, parameter in coupling.parameters(units):
+                self._declare(coupling.item, name, parameter)
+                values[name] = parameter.start
+            unit = coupling.units[0] or units[next(iter(coupling.terms))]
+            declaration = constraint(unit, coupling.description)(partial(_residual, coupling=coupling))
+            self._declare(coupling.item, coupling.name, declaration)
+
+        def at_start(name: str, default: float) -> float:
+            return joints[name].start if name in joints else values.get(name, default)
+
+        for _ in self.couplings:  # as those that follow may follow others
+            for coupling in self.couplings:
+                own = (joint for joint in coupling.terms if joint not in coupling.others)
+                name = next(own, next(iter(coupling.terms)))
+                factor = coupling.terms[name]
+                joints[name].start -= coupling.residual(at_start) / factor
+        for coupling in self.couplings:
+            if not abs(coupling.residual(at_start)) < 1e-9:
+                self.refuse(coupling.item, "it contradicts another coupling at the start; delete one")
+
     def class_members(self) -> dict[str, Any]:
         """Attributes of the class of a linkage."""
+        unknown = next((name for name, is_present in self.leave_out.items() if not is_present), None)
+        if unknown is not None:
+            self.refuse(f"leave_out = {shown(unknown)}", "the file has nothing of this name that a linkage lacks")
         missing = next((name for name, is_present in self.prescribe.items() if not is_present), None)
         if missing is not None:
             self.refuse(f"prescribe = {shown(missing)}", f"no joint is called so{suggestion(missing, self._joints)}")
-        if not any(isinstance(item, BodyJoint) for item in self.members.values()):
-            self.refuse(f"<{self.document.tag}>", "it has no joint; a linkage has one that moves")
         if all(isinstance(item, (Body, Weld)) for item in self.members.values()):
-            self.refuse("its joints", "none moves; a linkage has one that does")
+            base = "floating_base=True or --floating-base lets its root link move freely"
+            hint = f"; {base}" * (self.document.tag == "robot")
+            self.refuse(f"<{self.document.tag}>", f"it has no joint that moves, and a linkage has one{hint}")
         general: dict[str, Any] = {
             "__doc__": f"{self.name}, as {self.path.name} describes it.",
             "__module__": f"_file_{self.path.stem}",
@@ -314,6 +474,27 @@ def roll_pitch_yaw(axes: Rotation) -> tuple[float, ...]:
 
 def _floats(values: Iterable[Any]) -> tuple[float, ...]:
     return tuple(map(float, values))
+
+
+def _lines(path: Path) -> list[int]:
+    """Lines of all elements of a file."""
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
+    parser.Parse(path.read_bytes(), True)
+    return lines
+
+
+def _residual(m: Any, *, coupling: Coupling) -> ca.SX:
+    return coupling.residual(lambda name, default: m.symbols.get(name, default or ca.SX(1, 1)))
+
+
+def _quotient(unit: str, other: str, power: int) -> str:
+    """Unit of a quotient by a power of another unit."""
+    power = power - 1 if unit == other else power
+    over = f"{other}{power}" if power > 1 else other
+    above = "1" if unit == other else unit
+    return unit if power < 0 else f"{above}/{over}" if power and other != "1" else above
 
 
 def _shape(frame: BodyFrame, *, shape: str, axes: np.ndarray, centre: np.ndarray, size: Any) -> Shape:

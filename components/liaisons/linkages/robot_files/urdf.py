@@ -1,6 +1,5 @@
 """URDF: the Unified Robot Description Format."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -11,7 +10,15 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
 from liaisons.linkages.joints import Body, BodyJoint, Free, Planar, Prismatic, Revolute, Weld, ground
-from liaisons.linkages.robot_files.robot import MassProperties, Pose, Robot, rotation_onto
+from liaisons.linkages.robot_files.robot import (
+    Coupling,
+    MassProperties,
+    Pose,
+    Robot,
+    RobotOptions,
+    identifier,
+    rotation_onto,
+)
 
 _JOINTS: dict[str, type[BodyJoint]] = {
     "revolute": Revolute,
@@ -21,7 +28,7 @@ _JOINTS: dict[str, type[BodyJoint]] = {
     "floating": Free,
     "planar": Planar,
 }
-_SHAPES = {"box": "box", "cylinder": "rod", "sphere": "ball"}
+_SHAPES = {"box": "box", "cylinder": "rod", "capsule": "rod", "sphere": "ball"}
 _READ = {  # attributes by tag; elements and attributes that are not here are listed as left out
     "robot": "name version",
     "link": "name",
@@ -33,6 +40,7 @@ _READ = {  # attributes by tag; elements and attributes that are not here are li
     "geometry": "",
     "box": "size",
     "cylinder": "radius length",
+    "capsule": "radius length",
     "sphere": "radius",
     "parent": "link",
     "child": "link",
@@ -40,18 +48,16 @@ _READ = {  # attributes by tag; elements and attributes that are not here are li
     "axis": "xyz",
     "limit": "lower upper",
     "dynamics": "damping friction",
-    "mimic": "joint",
+    "mimic": "joint multiplier offset",
 }
 
 
-def read_urdf(
-    path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False, balance_inertia: bool = False
-) -> Robot:
-    """Bodies, joints and shapes of a URDF file, whose root link is the ground.
+def read_urdf(path: Path | str, options: RobotOptions) -> Robot:
+    """Bodies, joints and shapes of a URDF file, whose root link is the ground, or moves freely.
 
     :raises ComponentError: for a file that is no tree of links, or has a value that no robot has.
     """
-    robot = Robot(path, "robot", prescribe, limits=limits, balance_inertia=balance_inertia)
+    robot = Robot(path, "robot", options)
     _refuse_xacro(robot)
     links, joints = _elements_by_name(robot, "link"), _elements_by_name(robot, "joint")
     _list_unread(robot, robot.document)
@@ -62,20 +68,22 @@ def read_urdf(
             both = f"joints {shown(inner[child])} and {shown(name)}"
             robot.refuse(f"link {shown(child)}", f"{both} hold it; URDF has trees alone")
         inner[child] = name
-    if not joints:
-        robot.refuse("<robot>", "it has no joint; a linkage has one that moves")
     roots = [name for name in links if name not in inner]
-    if len(roots) != 1:
+    if links and len(roots) != 1:
         why = f"{shown(roots)} have no joint to a parent" if roots else "the joints make a circle"
         robot.refuse(robot.item("its links", links[(roots or [*links])[-1]]), f"{why}; one is the root")
-    bodies = {
-        name: ground if name == roots[0] else _declare_body(robot, name, element) for name, element in links.items()
-    }
+    is_ground = dict.fromkeys(roots * (not options.floating_base), ground)
+    bodies = {name: is_ground.get(name) or _declare_body(robot, name, element) for name, element in links.items()}
+    if options.floating_base and roots:
+        robot.declare_joint(Free, "floating_base", (ground, bodies[roots[0]]), Pose())
     for name, element in links.items():
         _add_shapes(robot, f"link {shown(name)}", bodies[name], element)
     for name, element in joints.items():
         parent, child = ends[name]
         _declare_joint(robot, name, element, (bodies[parent], bodies[child]))
+    for name, element in joints.items():
+        _couple(robot, name, element, joints)
+    robot.declare_couplings()
     return robot
 
 
@@ -111,8 +119,6 @@ def _elements_by_name(robot: Robot, tag: str) -> dict[str, Element]:
 def _link_names(robot: Robot, name: str, element: Element, links: dict[str, Element]) -> list[str]:
     """Names of the parent and child links of a joint."""
     item = f"joint {shown(name)}"
-    if element.find("mimic") is not None:
-        robot.refuse(item, "it mimics another joint, which a linkage cannot; delete <mimic>, or fix the joint")
     ends = {tag: _child_or_empty(element, tag).get("link", "") for tag in ("parent", "child")}
     for tag, link in ends.items():
         if link not in links:
@@ -182,6 +188,19 @@ def _declare_joint(robot: Robot, name: str, element: Element, ends: tuple[Body, 
         robot.declare_joint(Weld, f"{name}_behind", (middle, ends[1]), Pose().relative_to(plane))
     else:
         robot.declare_joint(kind, name, ends, pose)
+
+
+def _couple(robot: Robot, name: str, element: Element, joints: dict[str, Element]) -> None:
+    """Let a joint follow the one that it mimics."""
+    mimic, item = element.find("mimic"), f"joint {shown(name)}"
+    if mimic is None or element.get("type") == "fixed":
+        return
+    leader = mimic.get("joint", "")
+    if leader not in joints:
+        robot.refuse(item, f"it mimics {shown(leader)}, which is no joint{suggestion(leader, joints)}")
+    own, other = identifier(name), identifier(leader)
+    polynomial = robot.number(item, mimic, "offset"), robot.number(item, mimic, "multiplier", "1")
+    robot.couplings.append(Coupling(item, f"{own}_mimic", {own: 1.0}, {other: 1.0}, polynomial))
 
 
 def _child_or_empty(element: Element, tag: str) -> Element:
