@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from on_paper import State, equations_of
 
-from liaisons import simulate
-from liaisons.models import FourBar, four_bars
+from liaisons import ensemble, operator, simulate
+from liaisons.models import FourBar, SmoothStep, four_bars
 
 TWO = four_bars(2)
 WEIGHT, INERTIA = 9.81 * 3.5, 3.0  # G and J of two windows
@@ -101,6 +101,40 @@ def test_torque_of_a_driven_parallelogram_has_its_limit_at_flat(fmu, after: floa
     np.testing.assert_allclose(run["energy_balance"], 0, rtol=0, atol=10 * tolerance + 5e-7)
     names_it = any("is infinite near t = 0.25" in text for text in run.warnings)
     assert names_it == (abs(after) <= 1e-4)  # the force along the bars
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"stiff_solver": 1}, {"symplectic_steps": 8}], ids=["dop853", "radau", "gauss"]
+)
+@pytest.mark.parametrize("step_size", [0.02, 0.1])
+def test_a_parallelogram_that_comes_to_rest_just_behind_flat_keeps_its_branch(
+    fmu, settings: dict[str, int], step_size: float
+) -> None:
+    """There is little room behind flat for limits from both sides."""
+    begin, end = -1.406, -np.pi - 1.1e-3
+    lengths: dict[str, Any] = {"elbow_at_x": 0.4, "pin_at_child_x": 0.4, "swing_at_x": 1.8, "pin_at_x": 1.8}
+    moved = operator("SmoothStep", start_values={"start_value": begin, "end_value": end, "duration": 2.0})
+    starts = {**lengths, "elbow_0": -begin, "swing_0": begin, "turn": moved}
+    run = simulate(fmu(FourBar), stop_time=2.0, step_size=step_size, tolerance=1e-8, start_values=starts | settings)
+    expected = SmoothStep.exact(run.time, start_value=begin, end_value=end, duration=2.0)["y"]
+    np.testing.assert_allclose(run["swing"], expected, rtol=0, atol=1e-9)
+    assert not any("account" in text for text in run.warnings)
+
+
+@pytest.mark.parametrize("step_size", [0.005, 0.02])
+def test_an_ensemble_of_parallelograms_goes_through_flat_by_the_steps_of_its_fmu(step_size: float) -> None:
+    begin, end = np.append(np.linspace(0.3, 1.3, 12), 1.3), np.append(np.linspace(-0.4, -1.4, 12), 0.9)  # not the last
+    lengths = {"elbow_at_x": 0.5, "pin_at_child_x": 0.5, "swing_at_x": 1.5, "pin_at_x": 1.5}
+    moved = {"turn.start_value": begin, "turn.end_value": end, "turn.duration": 2.0}
+    values = {"elbow_0": -begin, "swing_0": begin, **lengths, **moved}
+    run = ensemble(FourBar, values, operators={"turn": "SmoothStep"}, stop_time=2, step_size=step_size,
+                   samples=20, record=["swing", "elbow", "turn_force"])  # fmt: skip
+    assert not run.failures
+    np.testing.assert_allclose(run["swing"][-1], end, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run["elbow"], -run["swing"], rtol=0, atol=1e-9)
+    errors = run.error("swing")
+    assert errors[-1] < 1e-9
+    assert np.all(errors < 1e-6)  # a tolerance of 1e-8, but never none
 
 
 def test_forces_of_rods_that_pass_flat_by_themselves_are_those_beside_it(fmu) -> None:

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -53,6 +53,8 @@ _LARGEST_DIFFERENCE = 0.1
 """Largest relative difference of two runs from which an error is estimated."""
 _TIGHTER = 100.0
 """Ratio of the tolerances of two runs from which an error is estimated."""
+_EXACT = 1e-8
+"""Tolerance of cases whose constraints come near to losing rank, which fixed steps pass over."""
 _ROUNDING = 1e-12
 """Largest relative difference that is rounding, which does not shrink with the step."""
 
@@ -74,7 +76,8 @@ def ensemble(
     """Results of many cases of a component, integrated together in compiled code.
 
     Steps have one size.  Cases of a component with unilateral liaisons or dry friction take the steps of its FMU, with
-    its numbers: each case its own sizes, up to its own events.
+    its numbers: each case its own sizes, up to its own events.  So do cases that come near to where constraints lose
+    rank, or lead out of reach, and then a case that fails names what is prescribed there.
 
     A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
     operator, whose parameters are values of the cases, too::
@@ -133,7 +136,7 @@ def ensemble(
         time = np.linspace(start_time, stop_time, samples + 1)
         cases = _Cases(moved, arrays, count, names, time, step_size, threads)
         if model.contacts:
-            fine, failures, errors = _integrate_with_contacts(cases, estimate=estimate)
+            fine, failures, errors = _integrate_by_fmu(cases, estimate=estimate)
         else:
             tableau = METHODS[method or "rk8"]
             fine, failures, errors = _integrate_with_fixed_steps(cases, tableau, estimate=estimate)
@@ -211,23 +214,32 @@ def _integrate_with_fixed_steps(
 
     steps = cases.steps_per_record(4 if estimate else 1)  # with estimate, steps four times as long have to fit
     fine, conditions, states = recorded(steps)
-    errors = None
+    errors, runs = None, [states]
     if estimate:
-        runs = (recorded(part)[::2] for part in (steps // 2, steps // 4))
+        half, quarter = (recorded(part)[::2] for part in (steps // 2, steps // 4))
         smooth = not any(part.events.numel_out(0) for part in (moved.model, *moved.moving.values()))
-        errors = _step_halving_errors((fine, states), *runs, order=tableau.order if smooth else 1)
+        errors = _step_halving_errors((fine, states), half, quarter, order=tableau.order if smooth else 1)
+        runs += [half[1], quarter[1]]
     failures = _run_failures(fine, conditions, equations.condition_texts, time)
-    for case, (first, _) in failures.items() if equations.model.reaches else ():
-        if first and not np.isfinite(fine[:, first, case]).all():
-            before = each[:, case], once, states[:, first - 1, case]
-            end = time[min(first + 1, len(time) - 1)]  # at a dead point itself all can be kept
-            if text := equations.out_of_reach(time[first - 1], end, *before):
-                failures[case] = first, text
+    lost = np.flatnonzero(~np.all([np.isfinite(run[:, -1]).all(axis=0) for run in runs], axis=0))
+    if moved.model.reaches and lost.size:
+        chosen = {name: array[lost] if array.ndim else array for name, array in cases.arrays.items()}
+        few = replace(cases, arrays=chosen, count=lost.size)
+        fine[..., lost], refused, corrected = _integrate_by_fmu(few, _EXACT, estimate=estimate)
+        failures = {case: text for case, text in failures.items() if case not in lost}
+        failures |= {int(lost[case]): text for case, text in refused.items()}
+        if errors is not None:
+            errors[:, lost] = corrected
     return fine, failures, errors
 
 
-def _integrate_with_contacts(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
-    """Outputs (signals, times, cases), failures, and errors of cases with contacts, by the steps of their FMU."""
+def _integrate_by_fmu(
+    cases: _Cases, tolerance: float | None = None, *, estimate: bool
+) -> tuple[Floats, Failures, Floats | None]:
+    """Outputs (signals, times, cases), failures, and errors of cases, by the steps of their FMU.
+
+    :param tolerance: that of the model if None.
+    """
     cases.moved.check_outputs(cases.names)
     if not cases.names:
         raise ComponentError(f"record = []: name an output of {cases.moved.model.name}")
@@ -237,7 +249,8 @@ def _integrate_with_contacts(cases: _Cases, *, estimate: bool) -> tuple[Floats, 
     rows, steps = [*cases.names, *(state.name for state in cases.moved.model.states)], cases.steps_per_record()
     points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
 
-    tolerances = [model.experiment.tolerance / _TIGHTER] * estimate + [0.0]
+    tolerance = model.experiment.tolerance if tolerance is None else tolerance
+    tolerances = [tolerance / _TIGHTER] * estimate + [tolerance]
     records, reasons = np.empty((len(tolerances), len(cases.time), count, len(rows))), dict[int, str]()
 
     def run_chunk(chunk: slice) -> None:

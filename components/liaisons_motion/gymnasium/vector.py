@@ -87,6 +87,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             rates=ca.vertcat(rates, *(lanes[name] for port in task.act_ports for name in port[1:]), 1),
             projected=ca.vertcat(projected, followed),
             reach=reach,
+            full_rank=ca.SX(np.inf),  # a copy has no other steps to take
         )
         step = compiled_advance(equations, METHODS["rk8"], self._shared)
         starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])

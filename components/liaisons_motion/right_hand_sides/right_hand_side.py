@@ -76,6 +76,7 @@ class RightHandSide:
     :param events: instants at which the equations are not smooth; where they recur, the first ones after t.
     :param sizes: nominal values of y.
     :param reach: residuals of constraints as in the model's function, then what is prescribed for them.
+    :param full_rank: time [s] within which constraints may lose rank, by the rates of coordinates.
     :param model: of which they were made.
     :param contacts: None: there are none.
     """
@@ -93,6 +94,7 @@ class RightHandSide:
     events: ca.SX
     sizes: ca.SX
     reach: ca.SX
+    full_rank: ca.SX
     model: Model
     contacts: ContactColumns | None = None
 
@@ -230,6 +232,7 @@ def right_hand_side(
     booked = _scalar_results(
         model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory
     )[0]
+    sizes = _scalar_results(model.nominals, *at_start)[0]
     landed = None if driven is None else _scalar_results(model.jump, t, y, u, k, booked)[0]
     whole = RightHandSide(
         symbols=(t, *constants, y),
@@ -243,8 +246,9 @@ def right_hand_side(
         landed=landed,
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
-        sizes=_scalar_results(model.nominals, *at_start)[0],
+        sizes=sizes,
         reach=ca.SX(0, 1) if model.reach is None else _scalar_results(model.reach, t, y, u, k)[0],
+        full_rank=_time_of_full_rank(model, (t, y, u, k), rates, sizes),
         model=model,
     )
     reduced = _reduced_to_needed_states(
@@ -259,7 +263,7 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
     """Equations of only the states on which outputs, conditions and contacts depend; None if they need no state."""
     y, contacts, landed = whole.symbols[3], whole.contacts, whole.landed
     maps = [x for x in (whole.rates, whole.projected, landed) if x is not None]
-    watched = [whole.outputs, whole.conditions, whole.reach]
+    watched = [whole.outputs, whole.conditions, whole.reach, whole.full_rank]
     if contacts:
         maps += [contacts.pushed, contacts.restored]
         watched += [contacts.indicators, *contacts.numbers.values()]
@@ -373,6 +377,14 @@ def _polynomial_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: c
         for input_name in triples.get(name, (name,)):
             values[input_name], value = value, ca.jacobian(value, t)
     return values
+
+
+def _time_of_full_rank(model: Model, point: Sequence[ca.SX], rates: ca.SX, sizes: ca.SX) -> ca.SX:
+    """Time within which constraints may lose rank: their gradients change by 1 where coordinates do by their sizes."""
+    if model.margin is None:
+        return ca.SX(np.inf)
+    moving = [i for i, state in enumerate(model.states) if state.name in model.configuration]
+    return ca.sqrt(_scalar_results(model.margin, *point)[0]) / ca.norm_inf(rates[moving] / sizes[moving])
 
 
 def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:

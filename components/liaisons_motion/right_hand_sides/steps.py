@@ -7,6 +7,10 @@ Within a block every loop is over the lanes and vectorises, see :mod:`liaisons.b
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
 
 from liaisons.base.arrays import Floats
 from liaisons.base.compiled_code import call_c_function, compiled_library
@@ -16,6 +20,8 @@ from liaisons_motion.right_hand_sides.step_code import StepCode
 
 LANES = 32
 """Cases in a block."""
+_AHEAD = 4.0
+"""Steps within which constraints may not lose rank: a step that is not much shorter misses what happens there."""
 
 Advance = Callable[[float, float, int, Floats, Floats], None]
 """(start time, step size, steps, values of the lanes, states): advances states in place; arrays (blocks, ..., LANES).
@@ -37,17 +43,24 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 def compiled_advance(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
     """Compiled function that advances the states of all cases in place by steps of one size.
 
+    States become not-a-number where constraints are out of reach, or may lose rank within some steps.
+
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
     """
     code = compiled_library(ensemble_code(equations, tableau))
 
     def advance(start: float, size: float, steps: int, lanes: Floats, states: Floats) -> None:
-        call_c_function(code, "integrate", len(states), steps, start, size, shared, lanes, states)
+        call_c_function(code, "integrate", len(states), steps, start, size, np.append(shared, size), lanes, states)
 
     return advance
 
 
 def ensemble_code(equations: RightHandSide, tableau: Tableau) -> str:
-    """C99 code that integrates blocks of lanes."""
+    """C99 code that integrates blocks of lanes; behind the shared values stands the step size."""
+    (t, k, s, y), size = equations.symbols, ca.SX.sym("size")
+    equations = replace(equations, symbols=(t, k, ca.vertcat(s, size), y))
+    if not equations.full_rank.is_constant():
+        lasts = equations.full_rank > _AHEAD * size
+        equations = replace(equations, rates=equations.rates + ca.if_else(lasts, 0, np.nan))
     return StepCode(equations, tableau, LANES).step() + _INTEGRATE

@@ -5,11 +5,13 @@
 
 /* First time aside and the last one, in which a state moves by these parts of its size. */
 static const double FIRST = 1e-3, LAST = 0.3;
+/* Margin on both sides that limits take at least, where no time aside has more than WIDE. */
+static const double LEAST = 1e-8;
 /* Parts of a number by which both sides differ if it is no limit, and by which a limit is another number than it; what is
  * rounding of numbers that are 0. */
 static const double APART = 1e-3, OTHER = 1e-9, TINY = 1e-9;
 
-/* Results of a function on the motion at a time aside, from where the inputs are u; the margin there. */
+/* Results of a function at a time aside, from where the inputs are u, if all goes on at its rate; the margin there. */
 static double aside(Instance *self, Function *function, double t, const double y[], const double f[], double h,
                     double result[]) {
     const Model *model = self->model;
@@ -17,10 +19,7 @@ static double aside(Instance *self, Function *function, double t, const double y
     const double *u = self->scratch.aside;
     memcpy(self->v.u, u, model->inputs * sizeof *u);
     for (const Active *a = model->active; a < model->active + model->active_rows; a++)
-        for (size_t i = 0; i < a->count; i++) {
-            self->v.u[a->value + i] += h * (u[a->rate + i] + h / 2 * u[a->acceleration + i]);
-            self->v.u[a->rate + i] += h * u[a->acceleration + i];
-        }
+        for (size_t i = 0; i < a->count; i++) self->v.u[a->value + i] += h * u[a->rate + i];
     for (size_t i = 0; i < model->states; i++) moved[i] = y[i] + h * f[i];
     evaluate(self, model->project, t + h, moved, kept);
     evaluate(self, function, t + h, kept, result);
@@ -35,18 +34,18 @@ static double limit_of(double *const r[], size_t i) {
 /* Parts of the rates of coordinates by which those on both sides, and their limit and the present ones f, may differ. */
 static const double TURNED = 0.5, OFF = 1e-4;
 
-/* Whether rates r on both sides are those of a motion that passes.  Near a dead point, where two positions become one, a
- * coordinate turns, or the times aside lead to the other position: rates there say nothing of the present ones. */
-static int passes(const Instance *self, const double f[], double *const r[], double margin) {
+/* Whether rates r on both sides are those of a motion that passes; f: NULL where the present ones say nothing.  Near a
+ * dead point, where two positions become one, a coordinate turns, or the times aside lead to the other position. */
+static int passes(const Instance *self, const double f[], double *const r[]) {
     const Model *model = self->model;
     double fastest = 0, turned = 0, off = 0;
     for (size_t i = 0; i < model->coupled; i++) {
         if (!model->configuration[i]) continue;
         fastest = fmax(fastest, fmax(fabs(r[0][i]), fabs(r[1][i])) / self->v.size[i]);
         turned = fmax(turned, fabs(r[0][i] - r[1][i]) / self->v.size[i]);
-        off = fmax(off, fabs(limit_of(r, i) - f[i]) / self->v.size[i]);
+        if (f != NULL) off = fmax(off, fabs(limit_of(r, i) - f[i]) / self->v.size[i]);
     }
-    return turned <= TURNED * fastest && (off <= OFF * fastest || margin < POLE);
+    return turned <= TURNED * fastest && off <= OFF * fastest;
 }
 
 /* Whether an output is a multiplier: forces inside of a mechanism may be infinite where all others are not. */
@@ -58,20 +57,22 @@ long core_take_limits(Instance *self, Function *function, double t, const double
     const Model *model = self->model;
     const int moves = function != model->calculate && function != model->remember && function != model->jump;
     Function *rates = moves ? function : derivatives_of(model);
-    double *f = self->scratch.aside + model->inputs + 2 * model->states, *r[2 * ASIDE], fastest = 0, h = 0;
+    double *f = self->scratch.aside + model->inputs + 2 * model->states, *r[2 * ASIDE], fastest = 0, h = 0, best = LEAST;
     long without = -1;
     memcpy(self->scratch.aside, self->v.u, model->inputs * sizeof *self->v.u);
     for (size_t k = 0; k < 2 * ASIDE; k++) r[k] = f + model->states + k * (model->states + model->outputs);
     evaluate(self, derivatives_of(model), t, y, f);
     const double margin = self->call.margin;
     for (size_t i = 0; i < model->coupled; i++) fastest = fmax(fastest, fabs(f[i]) / self->v.size[i]);
-    for (h = FIRST / fastest; h * fastest < LAST; h *= 2)
-        if (aside(self, rates, t, y, f, h, r[0]) > WIDE && aside(self, rates, t, y, f, -h, r[0]) > WIDE)
-            break;
-    const int is_near = h * fastest < LAST;
-    for (size_t k = 0; is_near && k < 2 * ASIDE; k++)
+    for (double next = FIRST / fastest; best < WIDE && next * fastest < LAST; next *= 2) {
+        const double nearer = fmin(aside(self, rates, t, y, f, next, r[0]), aside(self, rates, t, y, f, -next, r[1]));
+        if (!(nearer > best) || !passes(self, NULL, r)) continue;
+        best = nearer;
+        h = next;
+    }
+    for (size_t k = 0; h > 0 && k < 2 * ASIDE; k++)
         aside(self, rates, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
-    if (is_near && passes(self, f, r, margin)) {
+    if (h > 0 && passes(self, margin < POLE ? NULL : f, r)) {
         for (size_t k = 0; !moves && k < 2 * ASIDE; k++)
             aside(self, function, t, y, f, (k % 2 ? -h : h) * (double)(k / 2 + 1), r[k]);
         for (size_t i = 0; i < n; i++) {

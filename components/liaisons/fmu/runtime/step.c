@@ -194,7 +194,7 @@ static int explain_stuck(Instance *self, double t) {
 /* Report that too many steps are needed. */
 static int explain_exhausted(Instance *self, double t, const char *what) {
     self->step.curable = t > 0;
-    if (!stays_in_reach(self, t, AHEAD)) return 0;
+    if (!stays_in_reach(self, t, 1)) return 0;
     return core_because(self, "more than %d %s are needed beyond t = %.9g: something moves very fast", MOST_STEPS, what,
                         self->step.start + t);
 }
@@ -259,13 +259,28 @@ static void report_stiffness(void *context, double t) {
                 self->step.start + t);
 }
 
+/* Multiple of a time in which constraints may lose rank, if coordinates go on at their rates, for what these leave out. */
+static const double EARLY = 2;
+
+/* Whether constraints may lose rank within a time, which steps of one size would pass over: their gradients change by 1
+ * where coordinates do by their sizes. */
+static int may_lose_rank(Instance *self, const Problem *problem, double t, double within) {
+    double *f = self->d.y, fastest = 0;
+    if (!self->model->guarded || problem->coupled_rates(self, t, self->v.y, f) == STOP) return 0;
+    for (size_t i = 0; i < self->model->coupled; i++)
+        if (self->model->configuration[i]) fastest = fmax(fastest, fabs(f[i]) / self->v.size[i]);
+    return sqrt(self->call.margin) < EARLY * within * fastest;
+}
+
 /* Integrate from t to the end, in a communication step of a size. */
 static Outcome solve(Instance *self, const Problem *problem, double *t, double end, double size) {
     if (self->s->stiff_solver)
         return stiff_advance(problem, jacobian, self->stiff, t, end, self->v.y, self->v.low, &self->s->step,
                              self->scratch.work);
-    if (self->s->symplectic_steps == 0)
+    if (self->s->symplectic_steps == 0 || may_lose_rank(self, problem, *t, end - *t)) {
+        self->s->known = 0;
         return solver_advance(problem, t, end, self->v.y, self->v.low, &self->s->step, self->scratch.work);
+    }
     Rough *rough = self->s->reconstruction == INTERPOLATE && self->movers.count > 0 ? moves_roughly : NULL;
     return symplectic_advance(problem, rough, t, end, size / self->s->symplectic_steps, self->v.y, self->v.low,
                               self->v.history, &self->s->known, self->scratch.work);
