@@ -9,14 +9,14 @@ import fmpy
 import numpy as np
 import pytest
 from equations import equations
-from making import FmuPaths, copied, coupling_errors, exchange_only, packed, wired
+from making import FmuPaths, copied, exchange_only, packed, wired
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
 from liaisons.cosim.instances import dop853
 from liaisons.errors import SimulationError
-from liaisons.results import IncompleteError, Result
+from liaisons.results import IncompleteError
 
 HERE = Path(__file__).parent
 G, KEPT = 9.81, 0.7
@@ -137,25 +137,6 @@ def test_without_a_solver_it_is_named(ball: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "liaisons.cosim.instances.cvode", None)
     with pytest.raises(SimulationError, match="needs a C compiler, or CVODE, which FMPy does not have here"):
         simulate(ball)
-
-
-@pytest.mark.parametrize("name", ["Pendulum", "fmi3/Pendulum"])
-def test_coupling_is_that_of_co_simulation(component: FmuPaths, tmp_path: Path, name: str) -> None:
-    """Force and motion at once: cubic polynomials, of fourth order, and the estimate is an upper bound."""
-    path = component(name)
-    only = exchange_only(path, tmp_path)
-
-    def motion(upper: Path, lower: Path, size: float) -> Result:
-        starts = {"theta_0": 1.2}, {"theta_0": -0.6, "mass": 0.5}
-        system = wired("upper.bob -> lower.pivot", upper=(upper, starts[0]), lower=(lower, starts[1]))
-        return system.simulate(0.4, size, tolerance=1e-11)
-
-    exact = motion(path, path, 0.0025)["lower.theta"]
-    for upper, lower in ((only, path), (path, only), (only, only)):
-        coarse, fine = (motion(upper, lower, size) for size in (0.02, 0.01))
-        errors = [abs(run["lower.theta"] - exact[:: round(run.time[1] / 0.0025)]).max() for run in (coarse, fine)]
-        assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)  # terms of higher order, rate · H < 0.1
-        assert errors[1] < coupling_errors(fine).sum() < 1e-4
 
 
 STIFF = {
