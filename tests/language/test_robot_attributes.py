@@ -23,9 +23,9 @@ import pytest
 
 from liaisons import Linkage, derive
 from liaisons.errors import ComponentError
-from liaisons.linkages.robot_files.mjcf import read_mjcf
-from liaisons.linkages.robot_files.robot import RobotOptions
-from liaisons.linkages.robot_files.urdf import read_urdf
+from liaisons_exchange.robot_files.mjcf import read_mjcf
+from liaisons_exchange.robot_files.robot import RobotOptions
+from liaisons_exchange.robot_files.urdf import read_urdf
 
 PAGES = Path(__file__).parents[2] / "docs" / "reference"
 OBEYED, LISTED, REQUESTED, REFUSED = "obeyed", "listed", "listed on request", "refused"

@@ -6,6 +6,8 @@ With this package loaded, :mod:`liaisons.mechanics` derives them by recursion ov
 from liaisons.linkages.dynamics import by_recursion
 from liaisons.linkages.joints import (
     Body,
+    BodyFrame,
+    BodyJoint,
     BodyPoint,
     Cylindrical,
     Free,
@@ -25,6 +27,8 @@ from liaisons.mechanics import derive_by
 
 __all__ = [
     "Body",
+    "BodyFrame",
+    "BodyJoint",
     "BodyPoint",
     "Cylindrical",
     "Free",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from liaisons.algebra import hessian, stack
+from liaisons.base.published import registered
 from liaisons.errors import ComponentError
 from liaisons.language import (
     Ball,
@@ -39,9 +40,6 @@ from liaisons.linkages.joints import (
     skew,
 )
 from liaisons.linkages.loops import close_loops
-
-if TYPE_CHECKING:
-    from liaisons.linkages.robot_files.robot import Robot
 
 
 class Linkage(Mechanism, abstract=True):
@@ -105,11 +103,14 @@ class Linkage(Mechanism, abstract=True):
         :param leave_out: names of elements or attributes that would move the bodies, which a linkage cannot.
         :raises ComponentError: for a file that cannot be read, or a wrong link or joint in it.
         """
-        from liaisons.linkages.robot_files.robot import RobotOptions
-        from liaisons.linkages.robot_files.urdf import read_urdf
-
-        return cls._of_robot(
-            read_urdf(path, RobotOptions(prescribe, limits, balance_inertia, floating_base, leave_out))
+        return cls._of_file(
+            "urdf",
+            path,
+            prescribe=prescribe,
+            limits=limits,
+            balance_inertia=balance_inertia,
+            floating_base=floating_base,
+            leave_out=leave_out,
         )
 
     @classmethod
@@ -123,17 +124,14 @@ class Linkage(Mechanism, abstract=True):
         leave_out: Iterable[str] = (),
     ) -> type[Linkage]:
         """A class of an MJCF file's bodies and joints, with its gravity; arguments are those of from_urdf."""
-        from liaisons.linkages.robot_files.mjcf import read_mjcf
-        from liaisons.linkages.robot_files.robot import RobotOptions
-
-        return cls._of_robot(read_mjcf(path, RobotOptions(prescribe, limits, balance_inertia, leave_out=leave_out)))
+        return cls._of_file(
+            "mjcf", path, prescribe=prescribe, limits=limits, balance_inertia=balance_inertia, leave_out=leave_out
+        )
 
     @classmethod
-    def _of_robot(cls, robot: Robot) -> type[Linkage]:
-        try:
-            return type(cls)(robot.name, (cls,), robot.class_members())
-        except ComponentError as error:
-            raise ComponentError(robot.located(str(error))) from None
+    def _of_file(cls, kind: str, path: Path | str, **options: Any) -> type[Linkage]:
+        (read,) = registered("liaisons.robot_files")
+        return read(cls, kind, path, **options)
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 

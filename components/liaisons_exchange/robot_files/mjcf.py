@@ -10,10 +10,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from liaisons import Body, Free, Prismatic, Revolute, Spherical, Weld, ground
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
-from liaisons.linkages.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
-from liaisons.linkages.robot_files.robot import (
+from liaisons.linkages import BodyJoint
+from liaisons_exchange.robot_files.robot import (
     Coupling,
     MassProperties,
     Pose,

@@ -7,10 +7,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from liaisons import Body, Free, Planar, Prismatic, Revolute, Weld, ground
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
-from liaisons.linkages.joints import Body, BodyJoint, Free, Planar, Prismatic, Revolute, Weld, ground
-from liaisons.linkages.robot_files.robot import (
+from liaisons.linkages import BodyJoint
+from liaisons_exchange.robot_files.robot import (
     Coupling,
     MassProperties,
     Pose,

@@ -18,14 +18,16 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from liaisons import Body, Prismatic, Revolute, Weld
 from liaisons.base.arguments import as_path, name_list, shown
 from liaisons.base.xml_documents import read_tree
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language import Ball, Box, Declaration, Gravity, Parameter, Rod, Shape, constraint
-from liaisons.linkages.joints import MOMENTS, Body, BodyFrame, BodyJoint, Prismatic, Revolute, Weld
+from liaisons.linkages import BodyFrame, BodyJoint
 
 _MOST_BODIES = 1000
 _MOST_FILES = 100
+_MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 _COEFFICIENTS = ("offset", "multiplier", "quadratic", "cubic", "quartic")
 _DEEPEST = 200  # nesting of elements, includes expanded
 _RESERVED = {"gravity", "ground"}
@@ -322,7 +324,7 @@ class Robot:
         if not np.isfinite([inertia.mass, *inertia.centre, *inertia.tensor.flat]).all():
             self.refuse(item, "its mass, centre of mass or inertia exceeds all numbers; check sizes and places")
         smallest = 1e-15 * np.abs(inertia.tensor).max()
-        moments = (inertia.tensor["xyz".index(i), "xyz".index(j)] for i, j in MOMENTS)
+        moments = (inertia.tensor["xyz".index(i), "xyz".index(j)] for i, j in _MOMENTS)
         body = Body(
             inertia.mass,
             tuple(float(moment) if abs(moment) > smallest else 0.0 for moment in moments),

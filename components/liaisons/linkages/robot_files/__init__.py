@@ -1,1 +1,0 @@
-"""Files of robots, URDF and MJCF, as declarations of a linkage."""
