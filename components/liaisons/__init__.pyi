@@ -27,6 +27,8 @@ from .engines import MujocoOperator as MujocoOperator
 from .engines import PinocchioOperator as PinocchioOperator
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
+from .examination import Examination as Examination
+from .examination import check_component as check_component
 from .formulas import DisplayedEquations as DisplayedEquations
 from .holding import Controller as Controller
 from .holding import Observer as Observer

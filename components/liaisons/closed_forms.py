@@ -104,6 +104,12 @@ class ClosedForm(Generic[R]):
         bound.owner = owner
         return bound
 
+    def with_function(self, function: Callable[..., R]) -> ClosedForm[R]:
+        """The same conditions and owner with another function of the same parameters."""
+        other = ClosedForm(function, self._text, self._conditions)
+        other.owner = self.owner
+        return other
+
     def __call__(self, *arguments: Any, **values: Any) -> R:
         if self.owner is None:  # by another closed form: it is no attribute of a component
             return self._function(*arguments, **values)

@@ -1,9 +1,12 @@
-"""``liaisons check``: what must hold of every FMU, ours or not."""
+"""``liaisons check``: what must hold of every FMU, ours or not, and of a component's equations and closed form."""
 
 from __future__ import annotations
 
+import json
 from itertools import chain
 from typing import Annotated
+
+import typer
 
 from liaisons.library import fmu_file
 from liaisons_tools.cli._command import command, print_verdicts, subject_argument
@@ -13,19 +16,43 @@ from liaisons_tools.cli._command import command, print_verdicts, subject_argumen
     liaisons check fmus/Pendulum.fmu
     liaisons check fmus/fmi3/Pendulum.fmu
     liaisons check Pendulum
+    liaisons check my_component.py --json
 """)
-def check(fmu: Annotated[str, subject_argument("FMU|NAME|FILE.py")]) -> int:
-    """Check an FMU: validators, and what must hold of its default experiment.
+def check(
+    fmu: Annotated[str, subject_argument("FMU|NAME|FILE.py")],
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="print all as one JSON object, for programs")] = False,
+) -> int:
+    """Check an FMU, or a component: its energies, equations, closed form and FMU against each other.
 
     Exit status 1 when it fails.
     """
-    from liaisons import Verdict, check_fmu
+    from liaisons import Verdict, check_component, check_fmu
     from liaisons_tools.cli._reference_results import reference_verdicts
 
-    verdicts, path = [], fmu_file(fmu)
+    verdicts, texts, path = [], list[str](), fmu_file(fmu)
     for report in chain(check_fmu(path), reference_verdicts(path)):
         if isinstance(report, Verdict):
             verdicts.append(report)
         else:
-            print(report)
+            texts.append(str(report))
+    examination = None if fmu.endswith(".fmu") else check_component(fmu)
+    if examination is not None:
+        verdicts += examination.verdicts
+        texts += [f"not checked: {text}" for text in examination.unchecked]
+        texts += [f"a change with which all agrees: {cause}" for cause in examination.causes]
+    if as_json:
+        whole = {"subject": fmu, "passed": all(one.passed for one in verdicts), "notes": texts}
+        rows = [{**one.row(), "reason": one.reason, "passed": one.passed} for one in verdicts]
+        print(json.dumps({**whole, "verdicts": rows, **_examined(examination)}, indent=2, ensure_ascii=False))
+        return 0 if whole["passed"] else 1
+    for text in texts:
+        print(text)
     return print_verdicts(verdicts)
+
+
+def _examined(examination: object) -> dict[str, object]:
+    """The examination of a component, if there was one."""
+    from liaisons import Examination
+
+    return {"component": examination.as_dictionary()} if isinstance(examination, Examination) else {}

@@ -1,0 +1,177 @@
+"""The examination of a component: verdicts with their reasons, causes of what is wrong, and what was not checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from time import perf_counter
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+
+from liaisons import Verdict, verdict
+from liaisons.base.arguments import check_positive
+from liaisons.closed_forms import ClosedForm
+from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError
+from liaisons.language import Component, Mechanism
+from liaisons.library import Target
+from liaisons.library import component as component_of
+from liaisons_motion.examination.motions import EquationsOfMotion
+from liaisons_motion.examination.repairs import Cause, causes
+from liaisons_motion.examination.trials import Trial, trials_of
+
+_SEED = 20
+_TRIALS = 3
+"""Sets of values beside the declared ones: two that agree by chance are rare, a third one costs little."""
+
+
+@final
+@dataclass(frozen=True)
+class Examination:
+    """What was found of a component.
+
+    :ivar causes: single changes with which all agrees, the likeliest first; none where all holds.
+    :ivar unchecked: what was not checked, and why.
+    """
+
+    component: str
+    verdicts: tuple[Verdict, ...]
+    causes: tuple[Cause, ...] = ()
+    unchecked: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether all verdicts hold."""
+        return all(one.passed for one in self.verdicts)
+
+    def as_dictionary(self) -> dict[str, Any]:
+        """All of it as numbers, texts, lists and dictionaries, for programs; an infinite error is None."""
+        verdicts = [
+            {**asdict(one), "error": one.error if np.isfinite(one.error) else None, "passed": one.passed}
+            for one in self.verdicts
+        ]
+        return {
+            "component": self.component,
+            "passed": self.passed,
+            "verdicts": verdicts,
+            "causes": [asdict(cause) for cause in self.causes],
+            "unchecked": list(self.unchecked),
+        }
+
+
+@final
+@dataclass(frozen=True)
+class _Report:
+    """Verdicts and notes as they are made."""
+
+    verdicts: list[Verdict] = field(default_factory=list[Verdict])
+    unchecked: list[str] = field(default_factory=list[str])
+
+    def add(self, claim: str, error: float, tolerance: float, reason: str) -> None:
+        self.verdicts.append(verdict(claim, error=error, tolerance=tolerance, reason=reason))
+
+
+def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
+    """Examine a component: its declarations, energies, equations and closed form against each other.
+
+    :param component: name, file or class.
+    :param seconds: time after which the search for causes ends [s].
+    :raises ComponentError: if its declaration is refused, by line and remedy.
+    """
+    check_positive("check_component: seconds", seconds, InvalidValueError)
+    end, declared, report = perf_counter() + seconds, component_of(component), _Report()
+    equations: EquationsOfMotion | None = None
+    try:
+        equations = EquationsOfMotion(declared)
+    except ComponentError as error:
+        report.unchecked.append(f"motion: {error}; its FMU is")
+    if issubclass(declared, Mechanism):
+        _check_declarations(declared, report)
+        _check_energies(declared, report)
+    closed = getattr(declared, "exact", None)
+    explained: Sequence[Cause] = ()
+    if not isinstance(closed, ClosedForm):
+        report.unchecked.append("closed form: none is called exact")
+    elif equations is not None:
+        explained = _check_closed_form(declared, closed, equations, report, end)
+    return Examination(declared.__name__, tuple(report.verdicts), tuple(explained), tuple(report.unchecked))
+
+
+def _check_declarations(declared: type[Mechanism], report: _Report) -> None:
+    """Each parameter is used: by an energy, a condition, an output or the picture."""
+    mechanism = declared()
+    used = ca.vertcat(*_expressions(mechanism))
+    names = {str(symbol) for symbol in ca.symvar(used)}
+    unused = [p.name for p in mechanism.parameters if getattr(p, "name", "") and not _is_used(p.name, names)]
+    claim = f"each parameter is used{': ' + ', '.join(unused) + ' not' if unused else ''}"
+    report.add(claim, float(len(unused)), 0.0, "a parameter that nothing depends on is forgotten in an energy")
+
+
+def _is_used(name: str, names: set[str]) -> bool:
+    return name in names or any(other.startswith((f"{name}_", f"{name}[")) for other in names)
+
+
+def _expressions(mechanism: Mechanism) -> Iterator[ca.SX]:
+    """All that a mechanism declares, as columns."""
+    yield from (ca.vec(mechanism.lagrangian()), ca.vec(ca.SX(mechanism.friction_coefficient())))
+    yield ca.vec(ca.SX(mechanism.dissipation_function()))
+    yield from (ca.vec(value) for value in mechanism.point_components().values())
+    for kind in ("outputs", "all_constraints", "assertions", "contact_formulas"):
+        for item in getattr(mechanism, kind, ()):
+            yield ca.vec(ca.SX(mechanism.expression_of(item)))
+
+
+def _check_energies(declared: type[Mechanism], report: _Report) -> None:
+    """The kinetic energy is positive wherever the motion may go, at seeded random states."""
+    if not declared.has_energies():
+        report.unchecked.append("kinetic energy: the component declares a Lagrangian alone")
+        return
+    mechanism = declared()
+    kinetic = mechanism.kinetic_energy()
+    symbols = ca.symvar(kinetic)
+    evaluate, random = ca.Function("kinetic", symbols, [kinetic]), np.random.default_rng(_SEED)
+    starts = mechanism.start_values()
+    rows = [_random_values([str(s) for s in symbols], starts, random) for _ in range(100)]
+    values = np.array([float(evaluate(*row)) for row in rows])
+    size = max(float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0)), 1e-300)
+    least = float(np.min(values[np.isfinite(values)], initial=0.0))
+    reason = "rounding of a sum of squares, at 100 random states"
+    report.add("T >= 0", max(0.0, -least / size), 1e-12, reason)
+
+
+def _random_values(names: Sequence[str], starts: dict[str, float], random: np.random.Generator) -> list[float]:
+    """Random rates, and other values near where they start."""
+    near = random.uniform(0.7, 1.3, len(names))
+    anywhere = random.normal(size=len(names))
+    return [float(starts[name] * near[k]) if starts.get(name) else float(anywhere[k]) for k, name in enumerate(names)]
+
+
+def _check_closed_form(
+    declared: type[Component], closed: ClosedForm, equations: EquationsOfMotion, report: _Report, end: float
+) -> Sequence[Cause]:
+    """The closed form is the motion by the equations, at the declared values and at others that it covers."""
+    trials = list[Trial]()
+    reason = "rounding 1e-8 of its size, and ten times the error of the integration"
+    try:
+        trials += trials_of(equations, closed, equations.declared, _SEED, _TRIALS)
+    except Exception as error:  # noqa: BLE001 - a closed form may raise anything: that is what is found
+        if _covers_other_values(error):
+            report.unchecked.append(f"closed form: it covers no values near the declared ones: {error}")
+            return ()
+        report.add(f"exact can be evaluated: {type(error).__name__}: {error}", float("inf"), 0.0, "it is called")
+        return causes(declared, closed, None, (), end)
+    differences: dict[str, float] = {}
+    for trial in trials:
+        for name, difference in trial.differences().items():
+            differences[name] = max(difference, differences.get(name, 0.0))
+    for name, difference in differences.items():
+        report.add(f"{name} is what exact says, at {len(trials)} sets of values", difference, 1.0, reason)
+    if not differences:
+        report.unchecked.append("closed form: the motion is too uncertain to be compared")
+    return causes(declared, closed, equations, trials, end) if any(d > 1 for d in differences.values()) else ()
+
+
+def _covers_other_values(error: Exception) -> bool:
+    """Whether a closed form refused values, not names."""
+    return isinstance(error, LiaisonsError) and "nothing is called" not in str(error)

@@ -1,0 +1,219 @@
+"""Causes of a difference: the single changes of the source with which equations and closed form agree."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from types import MethodType, ModuleType
+from typing import Any, final
+from zlib import crc32
+
+import casadi as ca
+import numpy as np
+
+from liaisons.closed_forms import ClosedForm
+from liaisons.language import Component
+from liaisons_motion.examination.edits import Edit, edits_of
+from liaisons_motion.examination.motions import EquationsOfMotion
+from liaisons_motion.examination.terms import missing_terms
+from liaisons_motion.examination.trials import Trial, solution_of, times_of, trials_of
+
+_ENERGIES = ("kinetic_energy", "potential_energy", "lagrangian", "dissipation_function")
+_FURTHER = 2
+"""Ranks after the first repair that are still tried: less likely changes explain nothing more."""
+
+
+@final
+@dataclass(frozen=True)
+class Cause:
+    """A line that may be wrong, what to write instead, and why.
+
+    :param evidence: what was measured with the change.
+    """
+
+    file: str
+    line: int
+    written: str
+    instead: str
+    evidence: str
+
+    def __str__(self) -> str:
+        return f"{Path(self.file).name}:{self.line}: {self.instead}  for  {self.written}: {self.evidence}"
+
+
+@final
+class Source:
+    """A component's class in the source of its module, for changed copies of it.
+
+    :raises OSError: if there is no source.
+    """
+
+    def __init__(self, component: type[Component]) -> None:
+        self.component = component
+        self.file = inspect.getsourcefile(component) or ""
+        self.tree = ast.parse(Path(self.file).read_text(encoding="utf-8"))
+        classes = [n for n in ast.walk(self.tree) if isinstance(n, ast.ClassDef) and n.name == component.__name__]
+        if not classes:
+            raise OSError(f"{self.file} has no class {component.__name__}")
+        self.declared = classes[0]
+        self._globals = self._namespace()
+
+    def changed(self) -> type[Component]:
+        """The component that the tree declares now; raises what its declaration raises."""
+        return self._namespace()[self.component.__name__]
+
+    def method(self, name: str) -> Any:
+        """A method as the tree has it now, without decorators."""
+        [statement] = [s for s in self.declared.body if isinstance(s, ast.FunctionDef) and s.name == name]
+        plain = copy(statement)
+        plain.decorator_list = []
+        namespace = dict(self._globals)
+        exec(compile(ast.Module([plain], []), self.file, "exec"), namespace)
+        return namespace[name]
+
+    def energies(self, method: str) -> bytes:
+        """Lagrangian and dissipation at two sets of values, with one of these methods as the tree has it."""
+        mechanism = self.component()
+        setattr(mechanism, method, MethodType(self.method(method), mechanism))
+        column = ca.vertcat(*(ca.SX(getattr(mechanism, name)()) for name in ("lagrangian", "dissipation_function")))
+        symbols = sorted(ca.symvar(column), key=str)
+        evaluate = ca.Function("energies", symbols, [column])
+        numbers = [evaluate(*(0.4 + (crc32(f"{k}{s}".encode()) % 997) / 1994 for s in symbols)) for k in (0, 1)]
+        return np.round(np.array(numbers, dtype=float), 9).tobytes()
+
+    def _namespace(self) -> dict[str, Any]:
+        module = ModuleType(self.component.__module__)
+        module.__file__ = self.file
+        exec(compile(self.tree, self.file, "exec"), module.__dict__)
+        return module.__dict__
+
+
+def causes(
+    component: type[Component],
+    closed: ClosedForm,
+    equations: EquationsOfMotion | None,
+    trials: Sequence[Trial],
+    end: float,
+) -> list[Cause]:
+    """Single changes with which equations and closed form agree at all trials, the likeliest first.
+
+    :param equations: None if the component's closed form could not be held against them.
+    :param end: value of ``perf_counter`` at which the search ends.
+    """
+    try:
+        search = _Search(Source(component), closed, equations, trials)
+    except (OSError, SyntaxError):
+        return []
+    name = closed.__name__
+    edits = edits_of(search.source.declared, _alike(component), [name])
+    if equations is not None:
+        edits += missing_terms(search.source.declared, component)
+    edits.sort(key=lambda edit: (edit.method != name, edit.rank))
+    repairs = list[tuple[Edit, float]]()
+    for edit in edits:
+        ranks = [other.rank for other, _ in repairs if (other.method == name) is (edit.method == name)]
+        if perf_counter() > end or (ranks and edit.rank > min(ranks) + _FURTHER):
+            continue
+        worst = search.difference_with(edit)
+        if worst is not None and worst <= 1:
+            repairs.append((edit, worst))
+    return [_cause(search.source, *repair, trials) for repair in _ranked(repairs, name)]
+
+
+@final
+@dataclass(frozen=True)
+class _Search:
+    """What changes are tried on.
+
+    :ivar known: differences by the energies that give them, as many changes give the same.
+    """
+
+    source: Source
+    closed: Any  # a ClosedForm, which as a descriptor would be taken for a part of this class
+    equations: EquationsOfMotion | None
+    trials: Sequence[Trial]
+    known: dict[bytes, float] = field(default_factory=dict[bytes, float])
+
+    def difference_with(self, edit: Edit) -> float | None:
+        """Largest difference at the trials with a change, relative to the allowed one; None: nothing to compare."""
+        take_back = edit.swap()
+        try:
+            return self._difference(edit.method)
+        except Exception:  # noqa: BLE001 - a change may break the component in any way: then it repairs nothing
+            return None
+        finally:
+            take_back()
+
+    def _difference(self, method: str) -> float | None:
+        """The same with the source as it is now, of which one method was changed."""
+        source, equations, closed = self.source, self.equations, self.closed
+        if equations is None:
+            changed: Any = source.changed()
+            fresh = EquationsOfMotion(changed)
+            trials = trials_of(fresh, getattr(changed, closed.__name__), fresh.declared, 0, 2)
+            return _worst(trial.differences() for trial in trials)
+        t = times_of(equations)
+        if method == closed.__name__:
+            other = closed.with_function(source.method(method))
+            solutions = (solution_of(other, trial.values, equations.declared, t) for trial in self.trials)
+            return _worst(trial.differences(one) for trial, one in zip(self.trials, solutions, strict=True))
+        energies = source.energies(method) if method in _ENERGIES else b""
+        if energies in self.known:
+            return self.known[energies]
+        fresh = EquationsOfMotion(source.changed())
+        motions = (fresh.by_name(fresh.outputs_at(trial.values, t)) for trial in self.trials)
+        worst = _worst(trial.differences(None, one) for trial, one in zip(self.trials, motions, strict=True))
+        if energies:
+            self.known[energies] = worst
+        return worst
+
+
+def _ranked(repairs: list[tuple[Edit, float]], name: str) -> Iterator[tuple[Edit, float]]:
+    """One repair a line, the nearest to what is written; the likeliest line of equations and closed form first."""
+    by_line: dict[int, tuple[Edit, float]] = {}
+    for edit, worst in repairs:
+        by_line.setdefault(edit.line, (edit, worst))
+    sides = [[r for r in by_line.values() if (r[0].method == name) is side] for side in (False, True)]
+    heads = sorted((side[0] for side in sides if side), key=lambda r: r[0].rank)
+    yield from heads
+    yield from (repair for repair in by_line.values() if repair not in heads)
+
+
+def _cause(source: Source, edit: Edit, worst: float, trials: Sequence[Trial]) -> Cause:
+    before = max((max(t.differences().values(), default=0.0) for t in trials), default=0.0)
+    size = f"differences fall from {before:.2g} to {worst:.2g} times what rounding allows" if trials else "both agree"
+    evidence = f"with it {size}, at {max(len(trials), 1)} sets of values"
+    return Cause(source.file, edit.line, edit.written, edit.instead, evidence)
+
+
+def _worst(differences: Iterable[Mapping[str, float]]) -> float:
+    """Largest difference; those after one that is too large are not computed."""
+    worst = 0.0
+    for one in differences:
+        worst = max(worst, *(math.inf if math.isnan(value) else value for value in one.values()))
+        if worst > 1:
+            break
+    return worst
+
+
+def _alike(component: type[Component]) -> Callable[[str], Sequence[str]]:
+    """Names of declarations with the same unit as one; of values of a closed form likewise, and rates for values."""
+    units = {v.name: v.unit for v in component().layout().parameters}
+    units |= {v.name: v.unit for v in component().layout().inputs}
+    for declared in getattr(component, "coordinates", ()):
+        units[declared.name] = declared.unit
+    starts = {name for name in units if name.endswith("_0")}
+
+    def alike(name: str) -> Sequence[str]:
+        if name not in units:
+            return ()
+        same = [other for other, unit in units.items() if unit == units[name] and other != name]
+        return [*same, *sorted(starts - {name, *same})] if name in starts else same
+
+    return alike

@@ -1,0 +1,125 @@
+"""Values at which a closed form is held against the equations, and what it gives there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.closed_forms import ClosedForm
+from liaisons.errors import LiaisonsError, ValidityError
+from liaisons_motion.examination.motions import EquationsOfMotion, Motion
+
+POINTS = 24
+"""Times at which a motion is compared."""
+_UNCERTAIN = 1e-4
+"""Bound of the integration's error, relative to size, from which on a motion is no longer compared."""
+_FEWEST = 4
+"""Fewest times that are compared."""
+
+
+@final
+@dataclass(frozen=True)
+class Trial:
+    """Values by name that a closed form covers, its solution there, and the motion by the equations."""
+
+    values: Mapping[str, float]
+    solution: Motion
+    motion: Motion
+    bounds: Motion
+
+    def differences(self, solution: Motion | None = None, motion: Motion | None = None) -> dict[str, float]:
+        """Largest difference of each variable, relative to what rounding and integration allow: above 1 is wrong.
+
+        :param solution: another solution in place of the closed form's, ``motion`` another motion.
+        """
+        solution = self.solution if solution is None else solution
+        motion, ratios = self.motion if motion is None else motion, dict[str, float]()
+        for name, exact in solution.items():
+            size = max(float(np.max(np.abs(exact))), float(self.sizes[name]), 1e-3)
+            bounds = np.maximum.accumulate(self.bounds[name])
+            certain = bounds < _UNCERTAIN * size
+            if np.count_nonzero(certain) >= _FEWEST:
+                allowed = 1e-8 * size + 10 * bounds[certain]
+                ratios[name] = float(np.max(np.abs(motion[name] - exact)[certain] / allowed))
+        return ratios
+
+    @cached_property
+    def sizes(self) -> Mapping[str, float]:
+        """Largest value of each output while the motion is certain."""
+        return {name: float(np.max(np.abs(values), initial=0.0)) for name, values in self.motion.items()}
+
+
+def times_of(equations: EquationsOfMotion) -> NDArray:
+    """Times of a comparison: a fifth of the default experiment, not evenly spaced."""
+    end = equations.model.experiment.stop_time / 5
+    return end * np.linspace(0.0, 1.0, POINTS) ** 1.2
+
+
+def solution_of(closed: ClosedForm, values: Mapping[str, float], declared: Mapping[str, float], t: NDArray) -> Motion:
+    """Solution of a closed form at values, those that differ from the declared ones by name.
+
+    :raises ValidityError: if it does not cover them.
+    :raises TypeError: if it returns no arrays of the shape of t by name.
+    """
+    given = {name: value for name, value in values.items() if value != declared[name]}
+    with np.errstate(all="ignore"):
+        solution = closed(t, **given)
+    if not isinstance(solution, Mapping):
+        raise TypeError(f"it returns {type(solution).__name__}; return arrays by the names of variables")
+    arrays = {str(name): np.asarray(value, dtype=float) for name, value in solution.items()}
+    if wrong := [name for name, value in arrays.items() if value.shape != t.shape]:
+        raise TypeError(f"{wrong[0]} has the shape {arrays[wrong[0]].shape} at times of the shape {t.shape}")
+    return arrays
+
+
+def trials_of(
+    equations: EquationsOfMotion, closed: ClosedForm, declared: Mapping[str, float], seed: int, count: int
+) -> Iterator[Trial]:
+    """Trials at the declared values, and at others that the closed form covers as well.
+
+    :raises Exception: whatever the closed form raises at the declared values.
+    """
+    t, random = times_of(equations), np.random.default_rng(seed)
+    first = solution_of(closed, equations.values, declared, t)
+    if unknown := [name for name in first if name not in equations.outputs]:
+        raise TypeError(f"it gives {unknown[0]}, which is no output of the component")
+    yield _trial(equations, equations.values, first, t)
+    for _ in range(count):
+        values, solution = dict(equations.values), first
+        for name in random.permutation(sorted(values)).tolist():
+            other = _other_value(equations, name, values[name], random)
+            try:
+                candidate = solution_of(closed, values | {name: other}, declared, t)
+            except (ValidityError, LiaisonsError):
+                continue
+            if all(np.all(np.isfinite(value)) for value in candidate.values()):
+                values[name], solution = other, candidate
+        if _starts_as_told(trial := _trial(equations, values, solution, t)):
+            yield trial
+
+
+def _trial(equations: EquationsOfMotion, values: Mapping[str, float], solution: Motion, t: NDArray) -> Trial:
+    return Trial(dict(values), solution, *equations.motion(values, t))
+
+
+def _other_value(equations: EquationsOfMotion, name: str, value: float, random: np.random.Generator) -> float:
+    """Another value in the variable's domain."""
+    variable = equations.variables[name]
+    size = abs(value) or abs(variable.nominal or 1.0)
+    for _ in range(20):
+        other = value * random.uniform(0.7, 1.4) if value else size * random.uniform(-0.5, 0.5)
+        if variable.allows(other):
+            return float(other)
+    return value
+
+
+def _starts_as_told(trial: Trial) -> bool:
+    """Whether the motion begins at the start values, which constraints may not allow."""
+    told = {name.removesuffix("_0"): value for name, value in trial.values.items() if name.endswith("_0")}
+    kept = [(trial.motion[name][0], value) for name, value in told.items() if name in trial.motion]
+    return all(abs(start - value) < 1e-9 * max(1.0, abs(value)) for start, value in kept)

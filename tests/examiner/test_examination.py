@@ -1,0 +1,142 @@
+"""What ``check_component`` says of right and of wrong components; the texts are frozen, see README.md."""
+
+import hashlib
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from liaisons import LiaisonsError, check_component
+from liaisons.library import catalogue
+from liaisons_tools.cli import main
+
+HERE = Path(__file__).parent
+MECHANISMS = sorted((HERE / "mechanisms").glob("*.py"))
+FAULTS = {fault["mechanism"]: fault for fault in tomllib.loads((HERE / "faults.toml").read_text())["fault"]}
+
+
+def wrong(name: str, folder: Path) -> tuple[Path, int]:
+    """The file of a mechanism with its wrong line, and the number of that line."""
+    text, fault = (HERE / f"mechanisms/{name}.py").read_text(), FAULTS[name]
+    path = folder / f"{name}.py"
+    path.write_text(text.replace(fault["right"], fault["wrong"]))
+    return path, text[: text.index(fault["right"])].count("\n") + 1
+
+
+def test_the_texts_are_those_that_were_frozen() -> None:
+    for line in (HERE / "hashes.txt").read_text().splitlines():
+        digest, name = line.split()
+        assert hashlib.sha256((HERE / name).read_bytes()).hexdigest() == digest, name
+    assert len(MECHANISMS) == len(FAULTS) == 40
+
+
+@pytest.mark.variants(quick=6, core=1)
+@pytest.mark.parametrize("path", MECHANISMS, ids=lambda path: path.stem)
+def test_a_right_component_is_not_accused(path: Path) -> None:
+    examination = check_component(path)
+    assert examination.passed, [str(verdict) for verdict in examination.verdicts]
+    assert not examination.causes
+    assert any("what exact says" in verdict.claim for verdict in examination.verdicts)
+
+
+@pytest.mark.variants(quick=4, core=0)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "damped_spring",  # a factor in the closed form
+        "morse_oscillator",  # another branch of the closed form
+        "atwood",  # a term that is missing in T
+        "moved_base",  # friction on the absolute velocity
+    ],
+)
+def test_a_wrong_line_is_among_the_first_two_causes(name: str, tmp_path: Path) -> None:
+    path, line = wrong(name, tmp_path)
+    examination = check_component(path, seconds=60)
+    assert not examination.passed
+    assert line in [cause.line for cause in examination.causes[:2]], [str(cause) for cause in examination.causes]
+
+
+@pytest.mark.slow
+def test_faults_are_found_and_named(tmp_path: Path) -> None:
+    """Of 40, 38 are found; a refusal at load is found, and named if it has the line."""
+    found, named = set[str](), set[str]()
+    for name in FAULTS:
+        path, line = wrong(name, tmp_path)
+        try:
+            examination = check_component(path, seconds=60)
+        except LiaisonsError as error:
+            found.add(name)
+            named |= {name} if f"{path.name}:{line}" in str(error) else set()
+        else:
+            found |= set() if examination.passed else {name}
+            named |= {name} if line in [cause.line for cause in examination.causes[:2]] else set()
+    assert len(found) >= 38, sorted(set(FAULTS) - found)
+    assert len(named) >= 30, sorted(set(FAULTS) - named)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(catalogue()))
+def test_no_component_of_the_catalogue_is_accused(name: str) -> None:
+    examination = check_component(name)
+    assert examination.passed, [str(verdict) for verdict in examination.verdicts]
+
+
+OWN = '''
+from __future__ import annotations
+
+import numpy as np
+
+from liaisons import Coordinate, Mechanism, Parameter, closed_form
+
+
+class Slider(Mechanism):
+    """Mass that slides freely."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    x = Coordinate("m", "position", start=1.0, start_rate=0.5)
+
+    def kinetic_energy(self):
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    @closed_form("the even motion")
+    @staticmethod
+    def exact(t, at):
+        return RESULT
+'''
+
+
+@pytest.mark.parametrize(
+    ("result", "says"),
+    [
+        ('{"z": at.x_0 + at.x_dot_0 * t}', "it gives z, which is no output"),
+        ('{"x": at.x_0}', "shape"),
+        ("at.x_0 + at.x_dot_0 * t", "it returns ndarray"),
+        ('{"x": at.y_0 + 0 * t}', "nothing is called 'y_0'"),
+        ('{"x": 1 / 0 + t}', "ZeroDivisionError"),
+    ],
+)
+def test_a_closed_form_that_fails_is_told_with_the_reason(result: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "slider.py"
+    path.write_text(OWN.replace("RESULT", result))
+    examination = check_component(path, seconds=1)
+    [failure] = [verdict for verdict in examination.verdicts if not verdict.passed]
+    assert says in failure.claim
+
+
+def test_what_is_not_checked_is_named() -> None:
+    contacts = check_component("BouncingBall")
+    assert [text for text in contacts.unchecked if "contacts" in text]
+    assert check_component("Pendulum").unchecked == ()
+
+
+@pytest.mark.variants(core=0)
+def test_the_command_prints_it_for_programs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, line = wrong("morse_oscillator", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", path.name, "--json"]) == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["passed"] is False
+    assert line in [cause["line"] for cause in printed["component"]["causes"]]
