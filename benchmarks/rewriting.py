@@ -24,7 +24,7 @@ from _measure import Row, command, interleaved
 from numpy.typing import NDArray
 
 from liaisons.base.compiler import compile_library, host_target
-from liaisons.expressions import OPERATIONS, Program, c_parts, program
+from liaisons.expressions import OPERATIONS, Program, c_parts
 from liaisons.expressions.sum_factoring import Expansions
 from liaisons.expressions.value_numbering import Builder
 from liaisons.fmu import build
@@ -127,7 +127,7 @@ def _rounding(component: type[Component], off: Without) -> float:
     """Of doubles against numbers of 64 bits, in units of the largest rate's last place."""
     symbols, rates, values = _rates(component)
     with off():
-        found = program(symbols, [rates])
+        found = Program.of(symbols, [rates])
     double, exact = (_evaluated(found, values, kind) for kind in (np.float64, np.longdouble))
     size = np.max(np.abs(exact), axis=1, keepdims=True)
     return float(np.sqrt(np.mean(((double - exact) / np.where(size, size, 1)) ** 2)) / np.finfo(float).eps)

@@ -1,6 +1,7 @@
 """What the layout promises: arrows that point one way, short files, claims in docstrings, no heavy imports."""
 
 import ast
+import inspect
 import pkgutil
 import re
 import subprocess
@@ -75,9 +76,23 @@ print(len(model.contacts), sorted({loaded}))
 
 
 def test_every_public_name_is_there() -> None:
-    assert {name for name in dir(liaisons) if getattr(liaisons, name, None) is None} == set()
+    assert {name for name in liaisons.__all__ if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = liaisons.no_such_name  # type: ignore[attr-defined]
+
+
+def test_what_one_begins_with_fits_on_a_screen() -> None:
+    """The other public names are in the groups that ``dir`` shows, or are types of what functions return."""
+    shown = dir(liaisons)
+    assert len(shown) <= 40
+    assert set(shown) <= set(liaisons.__all__)
+    groups = [module for name in shown if inspect.ismodule(module := getattr(liaisons, name))]
+    grouped = {name for module in groups for name in getattr(module, "__all__", dir(module))}
+    returned = {"Controller", "DisplayedEquations", "LivePage", "Observer", "Plan", "check_fmu"}
+    assert set(liaisons.__all__) - {*shown} - grouped == {"__date__", "formulas", "live", *returned}
+    for name in ("declarations", "joints", "shapes", "signals"):
+        module = getattr(liaisons, name)
+        assert all(getattr(liaisons, item) is getattr(module, item) for item in module.__all__)
 
 
 def test_layers() -> None:
@@ -228,6 +243,7 @@ def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None
     modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
     assert {m for m in modules if m.partition(".")[0] == "liaisons"} <= {
         "liaisons",
+        *(f"liaisons.{group}" for group in ("declarations", "joints", "shapes", "signals")),
         "liaisons.models",
         "liaisons.scenarios",
     }

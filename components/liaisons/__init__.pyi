@@ -1,8 +1,15 @@
 from . import analysis as analysis
+from . import check as check
+from . import declarations as declarations
+from . import errors as errors
 from . import formulas as formulas
+from . import joints as joints
 from . import live as live
 from . import pictures as pictures
+from . import shapes as shapes
+from . import signals as signals
 from . import ssp as ssp
+from . import sweeps as sweeps
 from .base.version import __date__ as __date__
 from .base.version import __version__ as __version__
 from .chains import Chain as Chain
@@ -18,6 +25,7 @@ from .closed_forms import Values as Values
 from .closed_forms import closed_form as closed_form
 from .contacts import dry_friction as dry_friction
 from .contacts import unilateral as unilateral
+from .cosim import OperatorFmu as OperatorFmu
 from .cosim import Signal as Signal
 from .cosim import read_result as read_result
 from .cosim import sampled as sampled

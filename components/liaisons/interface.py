@@ -24,7 +24,7 @@ from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
 from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
-from liaisons.library import Target, component, fmu_file, is_target
+from liaisons.library import Target, component, fmu_file, is_target, model_of
 
 if TYPE_CHECKING:
     from liaisons import DisplayedEquations, LivePage
@@ -132,12 +132,8 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
     """
     from liaisons.mechanics import Model
 
-    if isinstance(subject, System):
-        from liaisons.library import composed_model
-
-        return liaisons.formulas.of_model(composed_model(subject))
-    if isinstance(subject, Model):
-        return liaisons.formulas.of_model(subject)
+    if isinstance(subject, (System, Model)):
+        return liaisons.formulas.of_model(subject if isinstance(subject, Model) else model_of(subject)[0])
     return liaisons.formulas.of_component(component(subject))
 
 

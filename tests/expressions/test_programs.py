@@ -14,7 +14,7 @@ import pytest
 from liaisons import expressions
 from liaisons.base.compiler import system_compiler
 from liaisons.errors import ComponentError
-from liaisons.expressions import OPERATIONS, c_parts, program
+from liaisons.expressions import OPERATIONS, Program, c_parts
 from liaisons.mechanics import assemble
 from liaisons.models import CATALOGUE
 
@@ -122,7 +122,7 @@ def test_every_operation_in_c(everything) -> None:
 def test_every_operation_by_casadi(everything) -> None:
     x, expressions, points = everything
     np.testing.assert_allclose(
-        program([x], [expressions]).evaluate([points])[0], by_casadi(*everything), rtol=CLOSE, atol=SMALL
+        Program.of([x], [expressions]).evaluate([points])[0], by_casadi(*everything), rtol=CLOSE, atol=SMALL
     )
 
 
@@ -147,7 +147,7 @@ def test_right_hand_sides_of_the_catalogue(component) -> None:
     random = np.random.default_rng(3)
     symbols = [ca.SX.sym(f"a{i}", function.sparsity_in(i)) for i in range(function.n_in())]
     values = [random.uniform(0.5, 1.5, (function.numel_in(i), 5)) for i in range(function.n_in())]
-    found = program(symbols, function.call(symbols, True, False)).evaluate(values)[0]
+    found = Program.of(symbols, function.call(symbols, True, False)).evaluate(values)[0]
     for lane in range(5):
         expected, near = (
             np.array(function(*(value[:, lane] * factor for value in values))).reshape(-1) for factor in (1, 1 + 1e-15)
@@ -174,7 +174,7 @@ def test_what_occurs_twice_is_calculated_once_and_what_cancels_is_not() -> None:
 
 def operations(*expressions: ca.SX) -> int:
     """How many are left of expressions in x and y."""
-    return sum(node.operation is not None for node in program([X, Y], [ca.vertcat(*expressions)]).nodes)
+    return sum(node.operation is not None for node in Program.of([X, Y], [ca.vertcat(*expressions)]).nodes)
 
 
 X, Y = ca.SX.sym("x", 6), ca.SX.sym("y")
@@ -198,7 +198,7 @@ a, b, c, d, e, f = ca.vertsplit(X)
 def test_what_is_left_of_derivatives(expression: ca.SX, shortest: ca.SX, left: int) -> None:
     assert operations(expression) == left
     values = np.random.default_rng(5).uniform(0.5, 1.5, (6, POINTS))
-    found = program([X], [expression]).evaluate([values])[0]
+    found = Program.of([X], [expression]).evaluate([values])[0]
     # A few roundings of numbers up to 10.
     np.testing.assert_allclose(found, by_casadi(X, shortest, values), rtol=0, atol=1e-14)
 
@@ -207,7 +207,7 @@ def test_sums_and_products_are_balanced_trees() -> None:
     """Of eight terms, one of them a product: four levels."""
 
     def height(expression: ca.SX) -> int:
-        found = program([X, Y], [expression])
+        found = Program.of([X, Y], [expression])
         heights: list[int] = []
         for node in found.nodes:
             under = [heights[number] for number in node.arguments] if node.operation is not None else [-1]
@@ -225,7 +225,7 @@ def test_factors_do_not_grow_from_link_to_link(links: int) -> None:
     e = x
     for _ in range(links):
         e = (e + e + e) / y
-    found = program([x, y], [e])
+    found = Program.of([x, y], [e])
     assert max(abs(node.constant) for node in found.nodes if node.constant is not None) < 1e6
     assert found.evaluate([[0.7], [3.0]])[0][0] == pytest.approx(0.7, rel=links * 1e-15)  # two roundings a link
 
@@ -249,7 +249,7 @@ def test_a_call_of_another_function_is_refused() -> None:
     x = ca.SX.sym("x")
     inner = ca.Function("inner", [x], [ca.sin(x)])
     with pytest.raises(ComponentError, match="calls a function"):
-        program([x], inner.call([x], False, True))
+        Program.of([x], inner.call([x], False, True))
 
 
 def test_the_example_of_the_module() -> None:

@@ -57,12 +57,7 @@ def test_a_short_step_makes_no_rate_of_a_late_input(library, target: str, mode: 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("component", "target"),
-    [
-        (c, t)
-        for c in MOVED
-        for t in ("fmi2", "fmi3", "python")
-        if t != "python" or not (getattr(c, "unilaterals", ()) or getattr(c, "dry_frictions", ()))
-    ],
+    [(c, t) for c in MOVED for t in ("fmi2", "fmi3", "python") if t != "python" or not c.contact_names()],
 )
 def test_short_steps_of_all_components(library, component: type[Component], target: str) -> None:
     for mode in (HOLD, EXTRAPOLATE, INTERPOLATE):

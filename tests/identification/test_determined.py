@@ -28,9 +28,7 @@ all free coordinates over time, then from these and the forces of all operators.
 DEPENDENT = ("CartesianPendulum", "IsokineticOscillator", "Satellite", "SpatialCat")
 """Their start values satisfy a condition, so that not all of them can be unknown."""
 # Which parameters of contacts count changes from event to event.
-MECHANISMS = [
-    n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not (c.unilaterals or c.dry_frictions)
-]
+MECHANISMS = [n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not c.contact_names()]
 
 
 def values(name: str, model: Model) -> dict[str, float]:

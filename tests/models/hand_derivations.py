@@ -449,4 +449,4 @@ MECHANISMS = [  # those whose coordinates may take any values; the others have t
     if issubclass(c, Mechanism) and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 WITHOUT_ORIENTATION = [c for c in MECHANISMS if not c.orientations]
-SMOOTH = [c for c in WITHOUT_ORIENTATION if not (c.unilaterals or c.dry_frictions)]  # no contacts, and so no events
+SMOOTH = [c for c in WITHOUT_ORIENTATION if not c.contact_names()]  # no contacts, and so no events

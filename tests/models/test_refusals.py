@@ -62,12 +62,7 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
 @pytest.mark.parametrize(
     ("component", "backend"),
     # Contacts and samples are native only.
-    [
-        (c, b)
-        for c in CATALOGUE
-        for b in BACKENDS
-        if b == "native" or not (getattr(c, "unilaterals", ()) or getattr(c, "dry_frictions", ()) or c.is_sampled())
-    ],
+    [(c, b) for c in CATALOGUE for b in BACKENDS if b == "native" or not (c.contact_names() or c.is_sampled())],
 )
 @pytest.mark.variants(core="Pendulum-native")
 def test_fmu_names_what_lies_outside_of_its_domain(component, fmu, backend: str) -> None:

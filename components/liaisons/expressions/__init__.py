@@ -34,7 +34,7 @@ from liaisons.expressions.operations import (
     perform,
 )
 from liaisons.expressions.printing import c_parts, literal
-from liaisons.expressions.programs import Program, program
+from liaisons.expressions.programs import Program
 
 __all__ = [
     "OPERATIONS",
@@ -52,6 +52,5 @@ __all__ = [
     "nonzero_states",
     "operation_codes",
     "perform",
-    "program",
     "without_zero_directions",
 ]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from liaisons.expressions.operations import OPERATIONS
-from liaisons.expressions.programs import Program, program
+from liaisons.expressions.programs import Program
 
 
 def c_parts(
@@ -33,7 +33,7 @@ def c_parts(
     :raises ComponentError: as :func:`program` does.
     """
     symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
-    code = program(symbols, expressions, reciprocals=True)
+    code = Program.of(symbols, expressions, reciprocals=True)
     calculated = [number for number, node in enumerate(code.nodes) if node.operation is not None]
     count = max(1, -(-len(calculated) // most))
     part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}

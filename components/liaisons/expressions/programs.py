@@ -30,6 +30,24 @@ class Program:
     nodes: tuple[Instruction, ...]
     outputs: tuple[tuple[int, ...], ...]
 
+    @staticmethod
+    def of(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
+        """Return the optimised program of expressions, columns, as functions of columns of symbols.
+
+        :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
+        :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
+        """
+        function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
+        builder = Builder()
+        results = interpret(function, entry=builder.entry, constant=builder.constant, operation=builder.perform)
+        short = _pruned(builder.nodes, [[builder.node_number(number) for number in entries] for entries in results])
+        if reciprocals:
+            short = _with_reciprocals(short)
+        for _ in range(_PASSES):
+            factored = Factored(short.nodes, short.outputs)
+            short = _pruned(factored.nodes, factored.outputs)
+        return short
+
     def evaluate(self, inputs: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
         """Evaluate the program by NumPy; return its outputs.
 
@@ -50,24 +68,6 @@ class Program:
                     values.append(arrays[node.arguments[0]][node.arguments[1]])
         columns = ([np.broadcast_to(values[number], trailing) for number in entries] for entries in self.outputs)
         return [np.array(column, dtype=float).reshape(len(column), *trailing) for column in columns]
-
-
-def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
-    """Return the optimised program of expressions, columns, as functions of columns of symbols.
-
-    :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
-    :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
-    """
-    function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
-    builder = Builder()
-    results = interpret(function, entry=builder.entry, constant=builder.constant, operation=builder.perform)
-    short = _pruned(builder.nodes, [[builder.node_number(number) for number in entries] for entries in results])
-    if reciprocals:
-        short = _with_reciprocals(short)
-    for _ in range(_PASSES):
-        factored = Factored(short.nodes, short.outputs)
-        short = _pruned(factored.nodes, factored.outputs)
-    return short
 
 
 def _with_reciprocals(original: Program) -> Program:

@@ -3,7 +3,7 @@
 from liaisons.base.renamed import rename
 from liaisons.fmu.building import build
 from liaisons.fmu.calls import Call
-from liaisons.fmu.code import core_files
+from liaisons.fmu.code import Core
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
@@ -14,8 +14,8 @@ from liaisons.fmu.origin import is_of_catalogue
 
 __all__ = [
     "Call",
+    "Core",
     "build",
-    "core_files",
     "coupled_state_count",
     "document",
     "element",

@@ -32,7 +32,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import compile_component, manifest_members
-from liaisons.mechanics import Model, refuse_contacts
+from liaisons.mechanics import Model
 
 BACK_ENDS = "liaisons.fmu_back_ends"
 """Group of entry points of what writes FMUs beside that in C: that in Python."""
@@ -119,7 +119,7 @@ def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
 def _build_python(model: Model, output: Path) -> Path:
     """Build an FMU in Python, unless the file is up to date."""
     (python_members,) = registered(BACK_ENDS)
-    refuse_contacts(model, "the Python back end", _native_remedy(), BackEndError)
+    model.refuse_contacts("the Python back end", _native_remedy(), BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
     members = _with_guid_and_provenance(python_members(flat, _NO_GUID), model)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, final
 
 import casadi as ca
 import numpy as np
@@ -22,7 +23,7 @@ from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, stat
 from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_flags
-from liaisons.fmu.layout import TIME, Fmi, index_ranges, memory_index, scalar_count, start_rates
+from liaisons.fmu.layout import TIME, Fmi, first_reference, index_ranges, memory_index, scalar_count, start_rates
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics import BOOKED, SIGNATURES, Model
@@ -65,10 +66,25 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     }
 
 
-def core_files(model: Model) -> dict[str, bytes]:
-    """Return the C files of a model and the runtime without the functions of FMI, by name."""
-    files = source_files(model, "", "2").items()
-    return {name: text for name, text in files if name.endswith((".c", ".h")) and name not in _FMI_FILES}
+@final
+@dataclass(frozen=True, slots=True)
+class Core:
+    """Code of a model without the functions of FMI, for programs of our own that compile it.
+
+    :param files: C files of the model and of the runtime, by name.
+    :param references: numbers by which the runtime knows the variables, by name; those of the elements of arrays.
+    """
+
+    files: Mapping[str, bytes]
+    references: Mapping[str, int]
+
+    @classmethod
+    def of(cls, model: Model) -> Core:
+        """Return the core of a model."""
+        files = source_files(model, "", "2").items()
+        own = {name: text for name, text in files if name.endswith((".c", ".h")) and name not in _FMI_FILES}
+        names = (element.name for variable in model.variables for element in variable.elements())
+        return cls(own, {name: reference for reference, name in enumerate(names, first_reference(model))})
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:

@@ -5,7 +5,15 @@
 
 from typing import Any
 
-from liaisons.language.checks import Formulas, call, checked_scalar, declarations_of, reject_clashes, shapes_of
+from liaisons.language.checks import (
+    Formulas,
+    call,
+    checked_scalar,
+    declarations_of,
+    reject_clashes,
+    reject_contacts,
+    shapes_of,
+)
 from liaisons.language.component import Component, DeclarationsOf, SignalComponent, elements_of
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -130,6 +138,7 @@ __all__ = [
     "output",
     "point",
     "reject_clashes",
+    "reject_contacts",
     "rheonomic_constraint",
     "shapes_of",
     "turned",

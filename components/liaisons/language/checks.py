@@ -229,6 +229,15 @@ def _names_in_methods(cls: type) -> set[str]:
     return names
 
 
+def reject_contacts(owner: str, contacts: Iterable[str], task: str, remedy: str, error: type[LiaisonsError]) -> None:
+    """Raise an error if there are contacts.
+
+    :param task: what takes none, as ``"an ensemble"``.
+    """
+    if which := ", ".join(contacts):
+        raise error(f"{owner}: {task} takes no unilateral liaisons and no dry friction ({which}); {remedy}")
+
+
 def reject_reserved_names(cls: type) -> None:
     """Raise a ComponentError for a declaration with a reserved name, or with a default outside its own domain."""
     ours = [base for base in cls.__mro__ if _is_ours(base)]

@@ -13,6 +13,7 @@ from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.language.checks import (
     declarations_of,
     reject_clashes,
+    reject_contacts,
     reject_misspelt_methods,
     reject_reserved_names,
     require_methods,
@@ -75,6 +76,20 @@ class Component(ABC):
     def is_sampled(cls) -> bool:
         """Whether inputs are read at samples only."""
         return False
+
+    @classmethod
+    def contact_names(cls) -> tuple[str, ...]:
+        """Names of the unilateral liaisons, then of the dry frictions."""
+        return ()
+
+    @classmethod
+    @final
+    def refuse_contacts(cls, task: str, remedy: str, error: type[LiaisonsError] = ComponentError) -> None:
+        """Raise an error if the component has unilateral liaisons or dry friction.
+
+        :param task: what takes none, as ``"an ensemble"``.
+        """
+        reject_contacts(cls.__name__, cls.contact_names(), task, remedy, error)
 
     @classmethod
     @final

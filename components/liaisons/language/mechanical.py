@@ -139,6 +139,10 @@ class MechanicalComponent(Component, abstract=True):
         """Unilateral liaisons, then dry frictions, in the order of all columns of contacts."""
         return (*self.unilaterals, *self.dry_frictions)
 
+    @classmethod
+    def contact_names(cls) -> tuple[str, ...]:
+        return tuple(item.name for item in (*cls.unilaterals, *cls.dry_frictions))
+
     def expression_of(self, item: Declaration) -> ca.SX:
         """Expression of a declaration, which may be an element of an array."""
         return ca.SX(getattr(self, item.name))

@@ -21,7 +21,7 @@ from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent, SystemDocument
 from liaisons.errors import SimulationError
-from liaisons.library.fmus import component, has_size, is_named, model
+from liaisons.library.fmus import Target, component, has_size, is_named, model
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -87,12 +87,20 @@ def composed_model(system: System, components: Mapping[str, type[Component]] | N
     )
 
 
-def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
-    """Return the model that an FMU of ours was built from, without arrays, and the start values in the FMU.
+def model_of(subject: Target | System, **sizes: object) -> tuple[Model, dict[str, float]]:
+    """Return the model of a component, of a whole system, or of an FMU of ours, with the start values in the FMU.
 
-    :raises SimulationError: if the catalogue does not have it.
+    :param subject: an FMU by its path.
+    :param sizes: structural sizes of a component, where they differ from those declared.
+    :raises ProjectError: as :func:`liaisons.derive` does.
+    :raises ComponentError: if it cannot be derived.
+    :raises SimulationError: as :func:`flatten` does, or if the catalogue does not have the component of an FMU.
     """
-    (part,) = SystemDocument.of_fmu(path).parts.values()
+    if isinstance(subject, System):
+        return composed_model(subject), {}
+    if isinstance(subject, type) or Path(subject).suffix != ".fmu":
+        return model(component(subject), **sizes), {}
+    (part,) = SystemDocument.of_fmu(subject).parts.values()
     derived = _model_of_part(part, {})
     return derived, _start_values(part, derived)
 

@@ -10,7 +10,7 @@ from liaisons.mechanics.energy_accounting import BOOKED, MEMORY, memory_names, w
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.functions import CONTACT_NUMBERS, SIGNATURES, model_functions, results_of
-from liaisons.mechanics.inertia import Inertia, inertia_of
+from liaisons.mechanics.inertia import Inertia
 from liaisons.mechanics.legendre import rates_from_momenta
 from liaisons.mechanics.model import (
     Code,
@@ -19,7 +19,6 @@ from liaisons.mechanics.model import (
     Model,
     declared_fields,
     impulsive_operators,
-    refuse_contacts,
 )
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import Drawing
@@ -62,13 +61,11 @@ __all__ = [
     "dissipation_equation",
     "further_equations",
     "impulsive_operators",
-    "inertia_of",
     "mechanical_outputs",
     "mechanism_equations",
     "memory_names",
     "model_functions",
     "rates_from_momenta",
-    "refuse_contacts",
     "results_of",
     "row_equations",
     "with_energy_accounting",

@@ -43,6 +43,7 @@ from liaisons.mechanics.constraints import (
 )
 from liaisons.mechanics.dynamics import dynamics_of
 from liaisons.mechanics.friction import Dissipation
+from liaisons.mechanics.inertia import Inertia
 
 QUANTITIES = (
     "mass_matrix",
@@ -76,7 +77,7 @@ class Equations:
     lagrangian: ca.SX
     kinetic_energy: ca.SX
     potential_energy: ca.SX
-    mass_matrix: ca.SX  # A (f, f)
+    inertia: Inertia  # A, and how it is inverted
     momenta: ca.SX  # ∂L/∂ẋ (f,)
     velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
     unconstrained_velocities: ca.SX  # A⁻¹ (p − b), which may violate constraints (f,)
@@ -110,6 +111,11 @@ class Equations:
         """Symbols of the mechanism, drives and loads, by name."""
         forces = ca.vertsplit(ca.vertcat(self.drives, self.loads, self.point_loads))
         return self.mechanism.symbols | {str(symbol): symbol for symbol in forces}
+
+    @property
+    def mass_matrix(self) -> ca.SX:
+        """Mass matrix A (f, f)."""
+        return self.inertia.matrix
 
     @property
     def state_rates(self) -> ca.SX:
@@ -232,7 +238,7 @@ def derive(component: type[Mechanism]) -> Equations:
         lagrangian=L,
         kinetic_energy=kinetic,
         potential_energy=potential,
-        mass_matrix=metric.matrix,
+        inertia=metric,
         momenta=dynamics.momenta,
         velocities=velocities,
         unconstrained_velocities=loose,

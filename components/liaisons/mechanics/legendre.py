@@ -1,4 +1,4 @@
-"""Legendre's transformation where L is not quadratic in the rates: rates from momenta by Newton's method.
+"""Legendre's transformation: rates from momenta, by Newton's method where L is not quadratic in the rates.
 
 Solved is ∂L/∂v = p (M eq. 10) with the Hessian A = ∂²L/∂v∂v, from v = 0 on.  Where L is convex in the rates,
 φ = L − p·v is least at the solution; the length of the first steps makes φ small, so that rates stay where L exists.
@@ -6,7 +6,7 @@ Solved is ∂L/∂v = p (M eq. 10) with the Hessian A = ∂²L/∂v∂v, from v 
 
 import casadi as ca
 
-from liaisons.algebra import gradient, solve_symmetric
+from liaisons.algebra import at_zero, gradient, hessian, solve_symmetric
 
 CHOSEN = 8
 """Newton steps whose length is chosen.
@@ -23,6 +23,9 @@ CONVERGED = 1e-10
 
 def rates_from_momenta(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX) -> ca.SX:
     """Rates with these momenta, the solution v of ∂L/∂v = p (f,); not-a-number or far off if Newton's method fails."""
+    metric = hessian(lagrangian, rates)
+    if not ca.depends_on(metric, rates):
+        return solve_symmetric(metric, momenta - at_zero(gradient(lagrangian, rates), rates))
     function, slope = lagrangian - ca.dot(momenta, rates), momenta - gradient(lagrangian, rates)
     step = solve_symmetric(ca.hessian(lagrangian, rates)[0], slope)
     solved = ca.SX.zeros(rates.shape)

@@ -24,7 +24,16 @@ import numpy as np
 
 from liaisons.base.array_names import array_and_index, suffixed_name
 from liaisons.errors import ComponentError, LiaisonsError
-from liaisons.language import NEXT_EVENT_TIME, Component, Coordinate, Experiment, Layout, Terminal, Variable
+from liaisons.language import (
+    NEXT_EVENT_TIME,
+    Component,
+    Coordinate,
+    Experiment,
+    Layout,
+    Terminal,
+    Variable,
+    reject_contacts,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,6 +224,13 @@ class Model(Layout):
         """Parameters, inputs, outputs, and numbers of the picture; the index is the value reference."""
         return (*super().variables, *self.drawn)
 
+    def refuse_contacts(self, task: str, remedy: str, error: type[LiaisonsError] = ComponentError) -> None:
+        """Raise an error if the model has unilateral liaisons or dry friction.
+
+        :param task: what takes none, as ``"an ensemble"``.
+        """
+        reject_contacts(self.name, (contact.name for contact in self.contacts), task, remedy, error)
+
     def next_event(self, k: Any, t: float) -> float:
         """First instant after t at which the model is not smooth [s]; inf if there is none.
 
@@ -244,27 +260,6 @@ def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]
     if item.maximum is not None:
         conditions[f"{item.name} must stay < {item.maximum:g} {item.unit}"] = item.maximum - value
     return conditions
-
-
-def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:
-    """Names of the unilateral liaisons, then of the dry frictions."""
-    if isinstance(subject, Model):
-        return tuple(contact.name for contact in subject.contacts)
-    kinds = (getattr(subject, kind, ()) for kind in ("unilaterals", "dry_frictions"))
-    return tuple(item.name for items in kinds for item in items)
-
-
-def refuse_contacts(
-    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
-) -> None:
-    """Raise an error if a component has unilateral liaisons or dry friction.
-
-    :param task: what takes none, as ``"an ensemble"``.
-    """
-    if names := contact_names(subject):
-        name = subject.name if isinstance(subject, Model) else subject.__name__
-        which = ", ".join(names)
-        raise error(f"{name}: {task} takes no unilateral liaisons and no dry friction ({which}); {remedy}")
 
 
 def declared_fields(instance: Component) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from liaisons.algebra import stack
 from liaisons.base import units
 from liaisons.chains import link_of
 from liaisons.language import Variable
-from liaisons.mechanics import refuse_contacts
 from liaisons_exchange.modelica_text.text import (
     MOTION,
     Section,
@@ -30,7 +29,7 @@ def chain_motion_model(component: type[Chain]) -> list[str]:
 
     ``pi`` and ``phi`` are ∂L/∂ẇ and ∂L/∂w of the links beyond a joint w, with outer forces.
     """
-    refuse_contacts(component, "Modelica text of a chain", "import its FMU")
+    component.refuse_contacts("Modelica text of a chain", "import its FMU")
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_component(component)
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.algebra import gradient, hessian, is_quadratic, solve_symmetric, stack
+from liaisons.algebra import gradient, hessian, stack
 from liaisons.errors import ComponentError, suggestion
 from liaisons.mechanics import Equations, rates_from_momenta
 from liaisons_motion.analysis.numeric import final_state, value_at_zero, with_values
@@ -92,11 +92,7 @@ def multiplier_equations(source: Source, **values: float) -> Quantity:
         )
     rates, p_s = all_rates(equations), ca.SX.sym("p_s", m.active.s_dot.shape)
     p = ca.vertcat(m.free.frame.T @ m.free.p, p_s)
-    if is_quadratic(L, rates):
-        linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
-        inverse = solve_symmetric(hessian(L, rates), p - linear)
-    else:
-        inverse = rates_from_momenta(L, rates, p)
+    inverse = rates_from_momenta(L, rates, p)
     H = ca.substitute(ca.dot(gradient(L, rates), rates) - L, rates, inverse)
     return _rates_and_multipliers(equations, H, p_s)
 

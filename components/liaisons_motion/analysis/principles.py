@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.algebra import solve_symmetric
 from liaisons.base.array_names import suffixed_name
 from liaisons.errors import ComponentError, suggestion
-from liaisons.mechanics import Equations, inertia_of
+from liaisons.mechanics import Equations
 from liaisons_motion.analysis.numeric import checked_times, with_values
 from liaisons_motion.analysis.phase_space import hamiltonian_field
 from liaisons_motion.analysis.quantity import (
@@ -159,8 +158,8 @@ def vakonomic_equations(source: Source) -> Quantity:
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
     C, velocities = constraints.matrix, equations.unconstrained_velocities
     residuals = ca.substitute(constraints.rate_residuals, m.free.q_dot, velocities)
-    metric, zero = inertia_of(m, equations.lagrangian), ca.SX.zeros(velocities.shape)
-    correction, _ = metric.solve_constrained(C, zero, -residuals, constraints.squares)
+    zero = ca.SX.zeros(velocities.shape)
+    correction, _ = equations.inertia.solve_constrained(C, zero, -residuals, constraints.squares)
     H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
     field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, velocities + correction))
     return Quantity(equations, ca.vertcat(*field), conservative=True)
@@ -177,7 +176,7 @@ def gauss_function(source: Source) -> Quantity:
     """
     equations = equations_of(source)
     require_no_contacts(equations, "Gauss's function")
-    excess = equations.mechanism.free.q_ddot - solve_symmetric(equations.mass_matrix, equations.forces)
+    excess = equations.mechanism.free.q_ddot - equations.inertia.solve(equations.forces)
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 

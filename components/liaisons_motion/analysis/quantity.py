@@ -16,7 +16,7 @@ from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.expressions import nonzero_states
 from liaisons.language import Component, MechanicalComponent, Mechanism, checked_scalar
-from liaisons.mechanics import Equations, refuse_contacts
+from liaisons.mechanics import Equations
 
 Source = type[Mechanism] | Equations
 """A mechanism, or the equations that were derived from it."""
@@ -179,7 +179,7 @@ def require_no_constraints(equations: Equations, purpose: str) -> None:
 
 def require_no_contacts(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError for unilateral liaisons and dry friction."""
-    refuse_contacts(type(equations.mechanism), purpose, "describe the mechanism without them")
+    type(equations.mechanism).refuse_contacts(purpose, "describe the mechanism without them")
 
 
 def _applied_forces(equations: Equations) -> ca.SX:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.algebra import hessian, is_quadratic, solve_symmetric
+from liaisons.algebra import hessian
 from liaisons.errors import ComponentError
 from liaisons.mechanics import Equations
 from liaisons_motion.analysis.quantity import Source, all_rates, equations_of, require_no_contacts
@@ -35,18 +35,19 @@ def equations_with_active_coordinates(source: Source) -> Equations:
 
 def horizontal_lift(equations: Equations) -> ca.SX:
     """Horizontal lift Γ, (f, a): ẋ = Γ u has the least kinetic energy for the rates u of the active coordinates."""
-    if not is_quadratic(equations.lagrangian, all_rates(equations)):
+    rates = all_rates(equations)
+    if ca.depends_on(hessian(equations.lagrangian, rates), rates):
         raise ComponentError(f"{equations.name}: a connection needs a Lagrangian that is quadratic in the rates")
     C, D = _constraint_jacobians(equations)
     mixed = ca.jacobian(equations.momenta, equations.mechanism.active.s_dot)
-    free = -solve_symmetric(equations.mass_matrix, mixed)
+    free = -equations.inertia.solve(mixed)
     return free if not C.shape[0] else free - _least_energy_velocity(equations, D + C @ free)
 
 
 def vertical_velocity(equations: Equations) -> ca.SX:
     """Velocity ẋ at momentum p while active coordinates rest: A⁻¹ (p - b), projected onto the constraints; (f,)."""
     free, C = equations.mechanism.free, _constraint_jacobians(equations)[0]
-    unconstrained = solve_symmetric(equations.mass_matrix, free.frame.T @ free.p - momenta_at_rest(equations))
+    unconstrained = equations.inertia.solve(free.frame.T @ free.p - momenta_at_rest(equations))
     return unconstrained if not C.shape[0] else unconstrained - _least_energy_velocity(equations, C @ unconstrained)
 
 
@@ -85,7 +86,8 @@ def _constraint_jacobians(equations: Equations) -> tuple[ca.SX, ca.SX]:
 
 
 def _least_energy_velocity(equations: Equations, rates: ca.SX) -> ca.SX:
-    """Velocity ẋ of least kinetic energy among those with C ẋ = ``rates``: A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates."""
-    C = _constraint_jacobians(equations)[0]
-    towards = solve_symmetric(equations.mass_matrix, C.T)
-    return towards @ solve_symmetric(C @ towards, rates)
+    """Velocities ẋ of least kinetic energy with C ẋ = ``rates``: A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates, column by column."""
+    C, squares, free = _constraint_jacobians(equations)[0], equations.constraints.squares, equations.mechanism.free
+    zero = ca.SX.zeros(free.q_dot.shape)
+    solved = [equations.inertia.solve_constrained(C, zero, column, squares)[0] for column in ca.horzsplit(rates)]
+    return ca.horzcat(*solved)

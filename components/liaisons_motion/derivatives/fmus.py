@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons import Result
+from liaisons import Result, System, simulate
 from liaisons.base.arguments import float_array, name_list
 from liaisons.base.arrays import Floats
 from liaisons.base.differences import SIZES, extrapolated_derivative
 from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
-from liaisons.cosim import FmuEquations, System, simulate
+from liaisons.cosim import FmuEquations
 from liaisons.errors import RefusedError, SimulationError
 from liaisons_motion.derivatives.inputs import input_functions
 from liaisons_motion.derivatives.motion import Branch

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.algebra import stack
-from liaisons.expressions import Program, program
+from liaisons.expressions import Program
 from liaisons.mechanics import Model
 from liaisons_motion.derivatives.compiled_steps import CompiledSteps
 from liaisons_motion.derivatives.contacts import Contacts
@@ -75,25 +75,25 @@ class MotionFunctions:
     @cached_property
     def outputs(self) -> Program:
         """Program of the signals."""
-        return program(self._equations.symbols, [self._equations.outputs])
+        return Program.of(self._equations.symbols, [self._equations.outputs])
 
     @cached_property
     def conditions(self) -> Program:
         """Program of the numbers that must stay > 0."""
-        return program(self._equations.symbols, [self._equations.conditions])
+        return Program.of(self._equations.symbols, [self._equations.conditions])
 
     @cached_property
     def output_rates(self) -> Program:
         """Program of the time derivatives of the signals."""
         along = ca.jtimes(self._equations.outputs, ca.vertcat(self._t, self._y), ca.vertcat(1, self._equations.rates))
-        return program(self._equations.symbols, [along])
+        return Program.of(self._equations.symbols, [along])
 
     @cached_property
     def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
         """Pairs (signal, value or state, states behind values), and the program of their partial derivatives."""
         slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
         where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
-        return where, program(self._equations.symbols, [slopes.nz[:]])
+        return where, Program.of(self._equations.symbols, [slopes.nz[:]])
 
 
 def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons import fmu_path
 from liaisons.base.arguments import check_finite, check_positive, float_array, name_dictionary, name_list
 from liaisons.base.array_names import array_and_index
 from liaisons.base.arrays import Floats
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
-from liaisons.library import Target, component, fmu_file
+from liaisons.library import Target, component
 from liaisons.mechanics import Model
 from liaisons_motion.derivatives.functions import motion_functions
 from liaisons_motion.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, check_domain, recorded_times
@@ -23,7 +24,7 @@ from liaisons_motion.right_hand_sides import DEGREE, continuous_model
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-    from liaisons.cosim import System
+    from liaisons import System
     from liaisons_motion.derivatives.contact_motion import ContactMotion
     from liaisons_motion.derivatives.fmus import FmuMotion
 
@@ -145,20 +146,20 @@ def motion_of(
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:
     """System or FMU whose runs are to be differentiated, for lack of equations or because it samples; else None."""
-    from liaisons.cosim import System
+    from liaisons import System
 
     if isinstance(subject, (System, Model)):
         return subject if isinstance(subject, System) else None
     if isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu":
         return Path(subject)
-    return fmu_file(subject) if component(subject).is_sampled() else None
+    return fmu_path(subject) if component(subject).is_sampled() else None
 
 
 def _refuse_operator(name: str, value: object) -> None:
     """Raise a SimulationError for an operator in place of a number."""
     if isinstance(value, (int, float, str, list, tuple, np.ndarray)):
         return
-    from liaisons.cosim import OperatorFmu
+    from liaisons import OperatorFmu
 
     if isinstance(value, OperatorFmu):
         raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")

@@ -24,10 +24,9 @@ from liaisons.base.arguments import (
 )
 from liaisons.base.arrays import Floats, lane_blocks, rows_of_blocks
 from liaisons.errors import ComponentError, SimulationError, suggestion
-from liaisons.expressions import program
+from liaisons.expressions import Program
 from liaisons.library import Target
 from liaisons.library import component as found_component
-from liaisons.mechanics import refuse_contacts
 from liaisons_motion.ensembles.members import Members, model_with_operators
 from liaisons_motion.right_hand_sides import (
     LANES,
@@ -117,7 +116,7 @@ def ensemble(
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     if method is not None:
         check_choice("method", method, tuple(METHODS))
-        refuse_contacts(model, f"method = {method!r}", "leave it out: members take the steps of its FMU")
+        model.refuse_contacts(f"method = {method!r}", "leave it out: members take the steps of its FMU")
     if threads is not None:
         check_integer("threads", threads)
     checked_stop_and_step(start_time, stop_time, step_size)
@@ -204,8 +203,8 @@ def _integrate_with_fixed_steps(
     advance = compiled_advance(equations, tableau, once)
 
     t, *constants, y = equations.symbols
-    (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
-    seen = program([t, *constants, y], [equations.outputs, equations.conditions])
+    (start,) = Program.of(constants, [equations.start]).evaluate([each, once[:, None]])
+    seen = Program.of([t, *constants, y], [equations.outputs, equations.conditions])
 
     def recorded(steps: int) -> list[Floats]:
         """Outputs, conditions and states, (rows, times, cases) each, by a number of steps between recorded times."""

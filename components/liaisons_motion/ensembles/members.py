@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from importlib import resources
@@ -19,7 +19,7 @@ from liaisons.base.compiled_code import call_c_function, loaded_library
 from liaisons.base.compiler import compile_library, host_target
 from liaisons.base.port_names import port_names
 from liaisons.errors import SimulationError
-from liaisons.fmu import core_files, first_reference
+from liaisons.fmu import Core
 from liaisons.mechanics import Model, compose
 from liaisons_motion.right_hand_sides import ContinuousModel
 
@@ -52,10 +52,9 @@ class Members:
 
     def __init__(self, model: Model, count: int) -> None:
         with _LOCK:
-            self._code, self._prefix = _members_library(model), f"{model.name}."
+            (self._code, references), self._prefix = _members_library(model), f"{model.name}."
         self._lock = Lock()  # an instance is of one thread at a time
-        names = (element.name.removeprefix(self._prefix) for v in model.variables for element in v.elements())
-        self._references = {name: reference for reference, name in enumerate(names, first_reference(model))}
+        self._references = {name.removeprefix(self._prefix): number for name, number in references.items()}
         created = False
         with suppress(MemoryError, OverflowError, ValueError):
             self._members = np.zeros(count, _MEMBER)
@@ -109,9 +108,10 @@ class Members:
 
 
 @lru_cache
-def _members_library(model: Model) -> ctypes.CDLL:
-    """Loaded library of a model's code with ``members.c``."""
-    return _compiled_members(tuple(core_files(model).items()))
+def _members_library(model: Model) -> tuple[ctypes.CDLL, Mapping[str, int]]:
+    """Loaded library of a model's code with ``members.c``, and the value references of its variables by name."""
+    core = Core.of(model)
+    return _compiled_members(tuple(core.files.items())), core.references
 
 
 @lru_cache

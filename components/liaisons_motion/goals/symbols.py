@@ -22,8 +22,8 @@ from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions import nonzero_states
 from liaisons.language import MechanicalComponent
-from liaisons.library import component, model
-from liaisons.mechanics import Model, refuse_contacts
+from liaisons.library import component, model_of
+from liaisons.mechanics import Model
 from liaisons_motion.goals.goal import Goal, Readings
 
 _SUBSTEPS = 32
@@ -256,8 +256,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         raise PlanError(f"{name} is an operator; plan the motion of a mechanism")
     if not goal.phases:
         remedy = "say with phases=[...] in which order plan takes them; hold and observe the mechanism without them"
-        refuse_contacts(declared, "what is planned or held", remedy, PlanError)
-    flat = model(declared, **goal.structure).flat()
+        declared.refuse_contacts("what is planned or held", remedy, PlanError)
+    flat = model_of(declared, **goal.structure)[0].flat()
     _refuse_moves(goal, name, flat)
     parameters, inputs = _parameters_and_inputs(goal, declared, flat)
     own = {name for parameter in declared.parameters for name in parameter.names}

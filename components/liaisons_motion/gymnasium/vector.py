@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import check_integer, float_array
 from liaisons.base.arrays import lane_blocks, rows_of_blocks
 from liaisons.errors import InvalidValueError, SimulationError
-from liaisons.expressions import program
+from liaisons.expressions import Program
 from liaisons.library import component
 from liaisons_motion.ensembles import Members
 from liaisons_motion.gymnasium.environment import Environment
@@ -90,7 +90,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             full_rank=ca.SX(np.inf),  # a copy has no other steps to take
         )
         step = compiled_advance(equations, METHODS["rk8"], self._shared)
-        starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
+        starts = Program.of([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
 
         def advance(size: float) -> Floats:
             blocks, fixed = (lane_blocks(rows, LANES) for rows in (self._states, self._values[self._fixed]))
@@ -109,7 +109,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         lasting = [row for row in range(conditions.numel()) if row not in begun]
         gaps = [gap for name in moved for gap in one.domain_gaps(name, lanes[name])]
         last = ca.vertcat(conditions[lasting], *gaps)
-        self._program = program(columns, [task.measures(signals | lanes), balance, last])
+        self._program = Program.of(columns, [task.measures(signals | lanes), balance, last])
 
     def _create_instances(self, one: ContinuousModel) -> None:
         """Create an instance of the FMU's code for each copy; its outputs, and what acts move, serve as states."""
@@ -145,7 +145,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         lanes = dict(zip((self._names[row] for row in self._fixed), ca.vertsplit(each), strict=True))
         signals = lanes | dict(zip((*outputs, *moved), ca.vertsplit(y), strict=True))
         balance = signals.get("energy_balance", ca.SX(0, 1))
-        self._program = program([each, once, y], [task.measures(signals), balance, ca.SX(0, 1)])
+        self._program = Program.of([each, once, y], [task.measures(signals), balance, ca.SX(0, 1)])
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode in all copies.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
-from liaisons import Result, System, Verdict, verdict
+from liaisons import Result, System, Verdict, fmu_path, verdict
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, shown
 from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
@@ -23,7 +23,6 @@ from liaisons.cosim import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import with_table
 from liaisons.language import ParameterArray
-from liaisons.library import fmu_file
 from liaisons_catalogue import regulator
 from liaisons_catalogue.force_regulator import ForceRegulator
 from liaisons_motion.goals import Goal
@@ -221,7 +220,7 @@ class Controller:
             "advance": self._change_in_round @ gains.T,
         }
         kind = ForceRegulator if is_force else regulator.Regulator
-        fmu, missing = fmu_file(kind.__name__), regulator.KNOTS - trajectory.times.size
+        fmu, missing = fmu_path(kind.__name__), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
             return fmu, settings | {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
         arrays = (array for array in kind.parameters if isinstance(array, ParameterArray))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2, norm, t
 
-from liaisons import Result, System, Verdict, build, operator, simulate, verdict
+from liaisons import Result, System, Verdict, build, fmu_path, operator, simulate, verdict
 from liaisons.base.folders import process_folder
 from liaisons.cosim import SystemDocument
-from liaisons.library import fmu_file
 from liaisons.mechanics import Model
 from liaisons_motion.derivatives import input_functions
 from liaisons_motion.identification.estimates import ParameterEstimate
@@ -77,7 +77,10 @@ def _run_experiment(
     for name, target in problem.operators.items():
         own = [start for start in starts if start.startswith(f"{name}.")]
         starts[name] = operator(target, start_values={start.partition(".")[2]: starts.pop(start) for start in own})
-    fmu = build(subject, process_folder()) if isinstance(subject, Model) else fmu_file(subject)
+    if isinstance(subject, Model):
+        fmu = build(subject, process_folder())
+    else:
+        fmu = Path(subject) if str(subject).endswith(".fmu") else fmu_path(subject)
     inputs = input_functions(SystemDocument.of_fmu(fmu), data.inputs)
     return simulate(fmu, times=times, tolerance=_SOLVER_TOLERANCE, inputs=inputs, start_values=starts)
 

@@ -21,9 +21,10 @@ from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
 from liaisons.base.port_names import port_names
+from liaisons.base.published import publishers
 from liaisons.cosim import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
-from liaisons.library import Target, is_named
+from liaisons.library import Target
 from liaisons_motion.goals import Goal
 from liaisons_motion.planning.phases import optimal_control_problem
 from liaisons_motion.planning.problems import Problem
@@ -248,7 +249,7 @@ class Plan:
         goal = asdict(self.goal)
         if isinstance(goal["component"], type):
             goal["component"] = goal["component"].__name__
-            if not is_named(goal["component"]):
+            if not publishers(goal["component"]):
                 raise PlanError(f"{path}: {goal['component']} is not in the catalogue; plan it by the name of its file")
         goal["component"] = str(goal["component"])
         for name in ("start", "end", "minimize"):
@@ -333,7 +334,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     """The goal in a document of JSON, with its component or with another one."""
     if component is None:
         component = document["component"]
-        if not (trust or is_named(str(component))):
+        if not (trust or publishers(component)):
             raise PlanError(
                 f"goal.component = {shown(component)} is not in the catalogue, and opening a plan runs no code: "
                 "pass component=..., or trust=True if you know the file"

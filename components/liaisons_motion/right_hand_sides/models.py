@@ -12,8 +12,8 @@ from liaisons import assemble
 from liaisons.base.arguments import name_dictionary
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.language import Component, Operator, Variable
-from liaisons.library import Target, component
-from liaisons.mechanics import Model, refuse_contacts
+from liaisons.library import Target, component, model_of
+from liaisons.mechanics import Model
 from liaisons_motion.right_hand_sides.right_hand_side import (
     RightHandSide,
     checked_output_rows,
@@ -22,7 +22,7 @@ from liaisons_motion.right_hand_sides.right_hand_side import (
 )
 
 if TYPE_CHECKING:
-    from liaisons.cosim import System
+    from liaisons import System
 
 INTEGRALS = ("work", "dissipated")
 """States that no motion depends on; integrated only for outputs that need them."""
@@ -134,7 +134,7 @@ def continuous_model(
     """
     declared, starts = _declared_and_starts(subject, allow_fmus=allow_fmus)
     if not allow_contacts:
-        refuse_contacts(declared, task, remedy, error)
+        declared.refuse_contacts(task, remedy, error)
     if isinstance(declared, type):
         declared.refuse_samples(task, remedy, error)
     found = ContinuousModel(declared.flat() if isinstance(declared, Model) else _flat_model(declared))
@@ -149,12 +149,9 @@ def _declared_and_starts(
     if isinstance(subject, Model):
         return subject, {}
     if isinstance(subject, (str, Path)) and allow_fmus and Path(subject).suffix == ".fmu":
-        from liaisons.library import model_of
-
         return model_of(subject)
     if isinstance(subject, (str, Path, type)):
         return component(subject), {}
-    from liaisons.cosim import System
-    from liaisons.library import composed_model
+    from liaisons import System
 
-    return (composed_model(subject) if isinstance(subject, System) else component(subject)), {}
+    return model_of(subject) if isinstance(subject, System) else (component(subject), {})

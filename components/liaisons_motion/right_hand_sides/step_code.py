@@ -14,7 +14,7 @@ from typing import final
 
 import casadi as ca
 
-from liaisons.expressions import c_parts, literal
+from liaisons.expressions import c_parts
 from liaisons_motion.right_hand_sides.methods import Tableau
 from liaisons_motion.right_hand_sides.right_hand_side import CArray, RightHandSide
 
@@ -73,7 +73,7 @@ class StepCode:
             stages=self.tableau.stages,
             width=self.width,
             order=self.tableau.order + 1,
-            nodes=", ".join(map(literal, (*self.tableau.nodes, 1.0))),
+            nodes=", ".join(map(repr, (*self.tableau.nodes, 1.0))),
         )
 
     def step(self, *, stores_stages: bool = False) -> str:
@@ -131,7 +131,7 @@ def _stage_state_expression(row: Sequence[float], count: str) -> str:
 
 def _weighted_sum_expression(row: Sequence[float], count: str) -> str:
     """C expression of the weighted sum of blocks of f; empty if all weights are 0."""
-    return " + ".join(f"{literal(weight)} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
+    return " + ".join(f"{weight!r} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
 
 
 def c_function(

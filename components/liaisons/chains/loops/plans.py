@@ -12,8 +12,7 @@ import casadi as ca
 from liaisons.algebra import stack
 from liaisons.chains.loops.loop_fusion import FusedLoop, LoopFusion
 from liaisons.chains.rows import Carry, RowProgram, Vector, key, scalars, substituted
-from liaisons.expressions import Instruction
-from liaisons.expressions import program as operations
+from liaisons.expressions import Instruction, Program
 
 CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 """Operations that cost no more than storing a number and reading it again."""
@@ -90,7 +89,7 @@ class LoopPlans:
         named_numbers = [self._add_expression(x, _HERE) for x in named]
 
         self._leaves = [leaf for _, leaf in self._origins.values()]
-        graph = operations([stack(symbol for symbol, _ in self._origins.values())], [stack(self._expressions)])
+        graph = Program.of([stack(symbol for symbol, _ in self._origins.values())], [stack(self._expressions)])
         self.nodes, node_of = graph.nodes, graph.outputs[0]
         self.plans = [plan.renumbered(node_of) for plan in plans]
         self.ends = [(text, node_of[number]) for text, number in numbered]
