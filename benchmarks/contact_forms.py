@@ -17,9 +17,9 @@ from _measure import HERE
 from numpy.typing import NDArray
 
 from liaisons import System, operator
+from liaisons.composition import composed_model
 from liaisons.cosim import simulate
 from liaisons.fmu import build
-from liaisons.library.flattening import composed_model
 from liaisons.mechanics import Model, assemble
 from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, StringPendulum
 

@@ -40,7 +40,10 @@ def test_import_alone_is_light() -> None:
     assert python("import sys, liaisons; print({'numpy', 'casadi', 'fmpy'} & set(sys.modules))") == "set()\n"
 
 
-EXTENSIONS = ("chains", "closed_forms", "contacts", "linkages", "python_fmu", "reference_results", "typed_formulas")
+EXTENSIONS = (
+    *("chains", "closed_forms", "composition", "contacts", "isolation", "linkages", "model_exchange"),
+    *("python_fmu", "reference_results", "typed_formulas"),
+)
 
 
 def test_the_kernel_derives_without_extensions() -> None:

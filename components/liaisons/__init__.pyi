@@ -23,6 +23,7 @@ from .check import verdict as verdict
 from .check.invariants import check_fmu as check_fmu
 from .closed_forms import Values as Values
 from .closed_forms import closed_form as closed_form
+from .composition import flatten as flatten
 from .contacts import dry_friction as dry_friction
 from .contacts import unilateral as unilateral
 from .cosim import OperatorFmu as OperatorFmu
@@ -89,7 +90,6 @@ from .language import turned as turned
 from .language import unchecked as unchecked
 from .library import build as build
 from .library import derive as derive
-from .library import flatten as flatten
 from .library import fmu_path as fmu_path
 from .linkages import Body as Body
 from .linkages import BodyPoint as BodyPoint

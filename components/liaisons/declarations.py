@@ -1,55 +1,5 @@
 """Declarations in the class of a component: variables, constraints, contacts, outputs and closed forms."""
 
-from liaisons.closed_forms import Values, closed_form
-from liaisons.contacts import dry_friction, unilateral
-from liaisons.language import (
-    ActiveCoordinate,
-    Coordinate,
-    DiscreteOutput,
-    DiscreteState,
-    Experiment,
-    Friction,
-    Gravity,
-    Input,
-    InternalState,
-    Joint,
-    Orientation,
-    Parameter,
-    Size,
-    assertion,
-    calculated,
-    constraint,
-    non_holonomic,
-    output,
-    point,
-    rheonomic_constraint,
-    unchecked,
-)
+import lazy_loader
 
-__all__ = [
-    "ActiveCoordinate",
-    "Coordinate",
-    "DiscreteOutput",
-    "DiscreteState",
-    "Experiment",
-    "Friction",
-    "Gravity",
-    "Input",
-    "InternalState",
-    "Joint",
-    "Orientation",
-    "Parameter",
-    "Size",
-    "Values",
-    "assertion",
-    "calculated",
-    "closed_form",
-    "constraint",
-    "dry_friction",
-    "non_holonomic",
-    "output",
-    "point",
-    "rheonomic_constraint",
-    "unchecked",
-    "unilateral",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("liaisons", __file__)

@@ -22,9 +22,10 @@ from liaisons.base.arguments import as_path, check_finite, merged_start_values, 
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
+from liaisons.base.published import registered
 from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
 from liaisons.errors import SimulationError
-from liaisons.library import Target, component, fmu_file, is_target, model_of
+from liaisons.library import Target, component, fmu_file, is_target
 
 if TYPE_CHECKING:
     from liaisons import DisplayedEquations, LivePage
@@ -54,6 +55,12 @@ def _read_archive(path: Path | str, *arguments: Any) -> Any:
 
 def _write_archive(*arguments: Any, **settings: Any) -> None:
     liaisons.ssp.write(*arguments, **settings)
+
+
+def _composed(system: System) -> Model:
+    """Return the model of a whole system."""
+    (composed_model,) = registered("liaisons.system_models")
+    return composed_model(system)
 
 
 def _flatten(*arguments: Any, **settings: Any) -> Path:
@@ -133,7 +140,7 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
     from liaisons.mechanics import Model
 
     if isinstance(subject, (System, Model)):
-        return liaisons.formulas.of_model(subject if isinstance(subject, Model) else model_of(subject)[0])
+        return liaisons.formulas.of_model(subject if isinstance(subject, Model) else _composed(subject))
     return liaisons.formulas.of_component(component(subject))
 
 

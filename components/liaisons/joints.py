@@ -1,33 +1,5 @@
 """Joints of a :class:`liaisons.Linkage` and the bodies between them."""
 
-from liaisons.linkages import (
-    Body,
-    BodyPoint,
-    Cylindrical,
-    Free,
-    Planar,
-    Prismatic,
-    Revolute,
-    Screw,
-    Spherical,
-    SpringDamper,
-    Universal,
-    Weld,
-    ground,
-)
+import lazy_loader
 
-__all__ = [
-    "Body",
-    "BodyPoint",
-    "Cylindrical",
-    "Free",
-    "Planar",
-    "Prismatic",
-    "Revolute",
-    "Screw",
-    "Spherical",
-    "SpringDamper",
-    "Universal",
-    "Weld",
-    "ground",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("liaisons", __file__)

@@ -1,5 +1,5 @@
 """Shapes that the picture of a component is made of."""
 
-from liaisons.language import Ball, Box, Flash, Floor, Rod, Rope, Shapes, Spring, Trail, Wire, circle, turned
+import lazy_loader
 
-__all__ = ["Ball", "Box", "Flash", "Floor", "Rod", "Rope", "Shapes", "Spring", "Trail", "Wire", "circle", "turned"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("liaisons", __file__)

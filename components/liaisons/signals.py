@@ -1,7 +1,5 @@
 """Signals that move inputs and active coordinates: operators, tables, formulas and functions of time."""
 
-from liaisons.cosim import OperatorFmu, Signal, sampled
-from liaisons.interface import operator, tabulated
-from liaisons.typed_formulas import formula_signal
+import lazy_loader
 
-__all__ = ["OperatorFmu", "Signal", "formula_signal", "operator", "sampled", "tabulated"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("liaisons", __file__)

@@ -17,12 +17,12 @@ import pytest
 from equations import equations
 from making import FmuPaths, wait_for, wired
 
+from liaisons import isolation
 from liaisons.cosim import IncompleteError, simulate
-from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
 from liaisons_tools.sweeps import sweep
 
-pytestmark = pytest.mark.skipif(not isolated.SUPPORTED, reason="Linux")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux")
 APART: dict[str, Any] = {"isolated": True}
 
 
@@ -229,7 +229,7 @@ def test_no_process_of_its_own_is_left(fmu: FmuPaths, tmp_path: Path, how: str, 
 def test_elsewhere_it_runs_in_this_process(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(isolated, "SUPPORTED", False)
+    monkeypatch.setattr("liaisons.cosim.instances.isolation", lambda: None)
     with caplog.at_level(logging.WARNING, "liaisons.cosim"):
         simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=True)
     assert "Cubic: isolation needs Linux; running in this process" in caplog.text
@@ -263,12 +263,12 @@ def test_what_it_says_before_it_crashes_is_heard(tmp_path: Path, caplog: pytest.
 
 
 def test_its_release_is_not_waited_for_as_long_as_a_step(fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, limits = isolated.Isolated._ask, dict[str, float]()
+    asked, limits = isolation.Isolated._ask, dict[str, float]()
 
-    def noted(instance: isolated.Isolated, task: str, *message: Any) -> Any:
+    def noted(instance: isolation.Isolated, task: str, *message: Any) -> Any:
         limits[task] = instance._limit
         return asked(instance, task, *message)
 
-    monkeypatch.setattr(isolated.Isolated, "_ask", noted)
+    monkeypatch.setattr(isolation.Isolated, "_ask", noted)
     simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=60.0)
     assert (limits["its initialization"], limits["its release"]) == (60.0, 5.0)  # [s]

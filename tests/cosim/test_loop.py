@@ -200,7 +200,7 @@ def test_functions_of_time_are_called_by_python(versions) -> None:
     assert {type(instant) for instant in instants} == {float}
 
 
-@pytest.mark.parametrize("source", ["compiled/loop.c", "compiled/coupling.c", "instances/dop853.c"])
+@pytest.mark.parametrize("source", ["compiled/loop.c", "compiled/coupling.c", "../model_exchange/dop853.c"])
 def test_its_source_is_clean(source: str) -> None:
     cc = compiler.system_compiler() or compiler.zig_compiler() or []
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-fsyntax-only"]

@@ -14,7 +14,6 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
-from liaisons.cosim.instances import dop853
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError
 
@@ -134,7 +133,7 @@ def test_what_is_refused_is_said(ball: Path) -> None:
 def test_without_a_solver_it_is_named(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dop853, "library", lambda: None)
     assert simulate(ball, stop_time=2.5)["bounces"][-1] == heights(np.array([2.5]))[1]  # by CVODE
-    monkeypatch.setitem(sys.modules, "liaisons.cosim.instances.cvode", None)
+    monkeypatch.setitem(sys.modules, "liaisons.model_exchange.cvode", None)
     with pytest.raises(SimulationError, match="needs a C compiler, or CVODE, which FMPy does not have here"):
         simulate(ball)
 
@@ -177,7 +176,7 @@ def test_equations_that_are_not_stiff_need_no_other_solver(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An oscillator of 1 Hz in steps of 30 s, and one that is let go at t = 1 s."""
-    monkeypatch.setitem(sys.modules, "liaisons.cosim.instances.cvode", None)
+    monkeypatch.setitem(sys.modules, "liaisons.model_exchange.cvode", None)
     rates = "f[0] = x[1]; f[1] = -x[0] * 39.47841760435743;"
     result = simulate(equations(tmp_path, 2, start="x[0] = 1;", rates=rates), stop_time=90.0, step_size=30.0)
     assert_allclose(result["x0"], 1.0, rtol=0, atol=1e-4)

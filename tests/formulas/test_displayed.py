@@ -16,9 +16,10 @@ import pytest
 from matplotlib.mathtext import MathTextParser
 
 from liaisons import derive, equations
+from liaisons.composition import compose
 from liaisons.errors import LiaisonsError, ProjectError
 from liaisons.language import Mechanism
-from liaisons.mechanics import assemble, compose
+from liaisons.mechanics import assemble
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,

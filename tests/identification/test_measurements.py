@@ -10,8 +10,8 @@ import pytest
 
 from liaisons import System, identify, simulate
 from liaisons.base.units import size_in_si
+from liaisons.composition import composed_model
 from liaisons.errors import IdentificationError
-from liaisons.library import composed_model
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
 from liaisons_motion.identification.measurements import Measurements, measurements, noise_levels

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from liaisons.composition import compose
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Model, assemble, compose
+from liaisons.mechanics import Model, assemble
 from liaisons.models import (
     DoublePendulum,
     DrivenChain,

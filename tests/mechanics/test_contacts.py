@@ -40,8 +40,8 @@ from liaisons import (
     unchecked,
     unilateral,
 )
+from liaisons.composition import compose
 from liaisons.errors import ComponentError
-from liaisons.mechanics import compose
 from liaisons.models import CartesianPendulum, OscillatorChain, PendulumChain
 from liaisons_motion.derivatives import Sensitivities
 

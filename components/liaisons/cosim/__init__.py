@@ -2,9 +2,17 @@
 
 from typing import TYPE_CHECKING, Any
 
-from liaisons.cosim.description.fmu import DefaultExperiment, experiment_problems, read_description
+from liaisons.cosim.arrays import Numbers
+from liaisons.cosim.compiled.cached import cached_library
+from liaisons.cosim.compiled.calls import HEADER, Action, Call
+from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
 from liaisons.cosim.description.variables import Entry
+from liaisons.cosim.instances.fmi2 import Instance2
+from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.loading import SharedFunctions
+from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
+from liaisons.cosim.messages import DISCARD, FATAL, STATUSES, SUCCESS
 from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -14,6 +22,7 @@ from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.services import Services, register
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Signal
+from liaisons.cosim.structures import Record, structure_fields
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
@@ -23,28 +32,45 @@ if TYPE_CHECKING:
     from liaisons.cosim.running.roll_back import roll_back_difference
 
 __all__ = [
+    "DISCARD",
+    "FATAL",
+    "HEADER",
+    "STATUSES",
+    "SUCCESS",
+    "Action",
+    "Call",
     "Connection",
     "Coupling",
     "DefaultExperiment",
     "Diagram",
     "Entry",
+    "Fmu",
     "FmuEquations",
     "IncompleteError",
+    "Instance",
+    "Instance2",
+    "Instance3",
     "Interrupted",
     "Linearization",
+    "Loaded",
+    "Numbers",
     "OperatorFmu",
     "Port",
+    "Record",
     "Result",
     "Run",
     "SampledFunction",
+    "Scalars",
     "Services",
     "Settings",
+    "SharedFunctions",
     "Signal",
     "Simulation",
     "System",
     "SystemComponent",
     "SystemDocument",
     "VariableReference",
+    "cached_library",
     "checked_simulation",
     "experiment_problems",
     "read_description",
@@ -55,6 +81,7 @@ __all__ = [
     "sampled",
     "simulate",
     "start",
+    "structure_fields",
 ]
 
 

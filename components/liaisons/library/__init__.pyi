@@ -1,5 +1,3 @@
-from .flattening import flatten as flatten
-from .flattening import model_of as model_of
 from .fmus import Target as Target
 from .fmus import build as build
 from .fmus import build_versions as build_versions
@@ -15,5 +13,6 @@ from .fmus import has_size as has_size
 from .fmus import is_named as is_named
 from .fmus import is_robot as is_robot
 from .fmus import is_target as is_target
+from .fmus import model as model
 from .fmus import reserve_fmu as reserve_fmu
 from .fmus import variables as variables

@@ -2,9 +2,8 @@
 
 from liaisons.language import ActiveInput, State
 from liaisons.mechanics.assembly import assemble, assemble_by
-from liaisons.mechanics.composition import compose
 from liaisons.mechanics.constraints import STABILISATION, accelerations_by_gauss
-from liaisons.mechanics.contacts import contact_functions, contacts_by
+from liaisons.mechanics.contacts import contact_functions, contact_method, contacts_by
 from liaisons.mechanics.dynamics import Dynamics, derive_by
 from liaisons.mechanics.energy_accounting import BOOKED, MEMORY, memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
@@ -13,11 +12,13 @@ from liaisons.mechanics.functions import CONTACT_NUMBERS, SIGNATURES, model_func
 from liaisons.mechanics.inertia import Inertia
 from liaisons.mechanics.legendre import rates_from_momenta
 from liaisons.mechanics.model import (
+    NEXT_EVENT,
     Code,
     Contact,
     Equation,
     Model,
     declared_fields,
+    domain_conditions,
     impulsive_operators,
 )
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
@@ -34,6 +35,7 @@ __all__ = [
     "BOOKED",
     "CONTACT_NUMBERS",
     "MEMORY",
+    "NEXT_EVENT",
     "SIGNATURES",
     "STABILISATION",
     "ActiveInput",
@@ -50,15 +52,16 @@ __all__ = [
     "accelerations_by_gauss",
     "assemble",
     "assemble_by",
-    "compose",
     "constraint_equations",
     "contact_functions",
+    "contact_method",
     "contact_outputs",
     "contacts_by",
     "declared_fields",
     "derive",
     "derive_by",
     "dissipation_equation",
+    "domain_conditions",
     "further_equations",
     "impulsive_operators",
     "mechanical_outputs",

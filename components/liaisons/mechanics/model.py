@@ -34,6 +34,7 @@ from liaisons.language import (
     Variable,
     reject_contacts,
 )
+from liaisons.mechanics.functions import results_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,6 +224,10 @@ class Model(Layout):
     def variables(self) -> tuple[Variable, ...]:
         """Parameters, inputs, outputs, and numbers of the picture; the index is the value reference."""
         return (*super().variables, *self.drawn)
+
+    def results(self, function: str, vectors: Mapping[str, Any]) -> list[Any]:
+        """Results of a function of the model, by its name, of vectors by their letters."""
+        return results_of(function, getattr(self, function), vectors)
 
     def refuse_contacts(self, task: str, remedy: str, error: type[LiaisonsError] = ComponentError) -> None:
         """Raise an error if the model has unilateral liaisons or dry friction.

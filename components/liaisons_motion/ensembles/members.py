@@ -18,9 +18,10 @@ from liaisons.base.arrays import Floats
 from liaisons.base.compiled_code import call_c_function, loaded_library
 from liaisons.base.compiler import compile_library, host_target
 from liaisons.base.port_names import port_names
+from liaisons.composition import compose
 from liaisons.errors import SimulationError
 from liaisons.fmu import Core
-from liaisons.mechanics import Model, compose
+from liaisons.mechanics import Model
 from liaisons_motion.right_hand_sides import ContinuousModel
 
 _MEMBER = np.dtype([("instance", np.uintp), ("reason", "S512")])

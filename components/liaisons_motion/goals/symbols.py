@@ -19,10 +19,11 @@ from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
 from liaisons.base.port_names import port_names
 from liaisons.base.units import ANY, NUMBER, powers
+from liaisons.composition import model_of
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions import nonzero_states
 from liaisons.language import MechanicalComponent
-from liaisons.library import component, model_of
+from liaisons.library import component
 from liaisons.mechanics import Model
 from liaisons_motion.goals.goal import Goal, Readings
 

@@ -12,7 +12,7 @@ from liaisons import assemble
 from liaisons.base.arguments import name_dictionary
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.language import Component, Operator, Variable
-from liaisons.library import Target, component, model_of
+from liaisons.library import Target, component
 from liaisons.mechanics import Model
 from liaisons_motion.right_hand_sides.right_hand_side import (
     RightHandSide,
@@ -148,10 +148,10 @@ def _declared_and_starts(
     """Component or model of a subject, and all start values in an FMU; FMUs and systems are loaded for these alone."""
     if isinstance(subject, Model):
         return subject, {}
-    if isinstance(subject, (str, Path)) and allow_fmus and Path(subject).suffix == ".fmu":
-        return model_of(subject)
-    if isinstance(subject, (str, Path, type)):
+    is_fmu = isinstance(subject, (str, Path)) and allow_fmus and Path(subject).suffix == ".fmu"
+    if isinstance(subject, (str, Path, type)) and not is_fmu:
         return component(subject), {}
     from liaisons import System
+    from liaisons.composition import model_of
 
-    return model_of(subject) if isinstance(subject, System) else (component(subject), {})
+    return model_of(subject) if is_fmu or isinstance(subject, System) else (component(subject), {})

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from liaisons.base.archive import Archive
+from liaisons.base.published import registered
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.instances.fmi3 import CoSimulation3
@@ -46,18 +48,24 @@ def make_instance(
 
             return SampledInstance(name, fmu)
         if fmu.is_model_exchange:
-            from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
-
-            return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory)
+            (make_model_exchange,) = registered("liaisons.model_exchange")
+            return make_model_exchange(name, fmu, directory)
         if fmu.version == 2:
             return CoSimulation2(name, fmu, directory)
         return CoSimulation3(name, fmu, directory, requests_intermediate_update=requests_intermediate_update)
 
     if not isolated:
         return instantiate()
-    from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
-
-    if not SUPPORTED:
+    if (isolate := isolation()) is None:
         logger.warning("%s: isolation needs Linux; running in this process", name)
         return instantiate()
-    return Isolated(name, fmu, instantiate, isolated)
+    return isolate(name, fmu, instantiate, isolated)
+
+
+def isolation() -> Callable[[str, Fmu, Callable[[], Instance], float], Instance] | None:
+    """What makes an instance in a process of its own; None where that cannot be done.
+
+    It takes the name of the part, the description of its FMU, what makes the instance there, and the time limit of a
+    call [s].
+    """
+    return None if sys.platform != "linux" else registered("liaisons.isolation")[0]

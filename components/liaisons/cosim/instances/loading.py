@@ -13,8 +13,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, final
 
-from fmpy.fmi2 import FMU2Model, FMU2Slave
-from fmpy.fmi3 import FMU3Model, FMU3Slave
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 
 from liaisons.cosim.description.fmu import Fmu
 
@@ -53,7 +53,7 @@ def _raising_function(message: str) -> Callable[..., Any]:
 _libraries: dict[tuple[type, int | None], _Library] = {}
 
 
-class _Sharing:
+class SharedFunctions:
     """Shares the functions of a library among its instances."""
 
     dll: CDLL
@@ -83,29 +83,19 @@ class _Sharing:
 
 
 @final
-class FMU2CoSimulation(_Sharing, FMU2Slave):
+class FMU2CoSimulation(SharedFunctions, FMU2Slave):
     """A Co-Simulation FMU of FMI 2.0."""
 
 
 @final
-class FMU2ModelExchange(_Sharing, FMU2Model):
-    """A Model Exchange FMU of FMI 2.0."""
-
-
-@final
-class FMU3CoSimulation(_Sharing, FMU3Slave):
+class FMU3CoSimulation(SharedFunctions, FMU3Slave):
     """A Co-Simulation FMU of FMI 3.0."""
-
-
-@final
-class FMU3ModelExchange(_Sharing, FMU3Model):
-    """A Model Exchange FMU of FMI 3.0."""
 
 
 def load_fmu(fmpy_class: Callable[..., Any], name: str, fmu: Fmu, directory: Path) -> Any:
     """Load the library of an FMU; returns the object of FMPy, not yet instantiated.
 
-    :param fmpy_class: one of the classes above.
+    :param fmpy_class: a class of FMPy with :class:`SharedFunctions`.
     :param name: instance name.
     :param directory: folder of the extracted FMU.
     :raises OSError: if the library cannot be loaded.

@@ -123,6 +123,26 @@ class Instance(ABC):
         """
         raise NotImplementedError
 
+    @property
+    def continuous_states(self) -> tuple[Vector, Vector]:
+        """Values of the continuous states, and their nominal values.
+
+        Only where :attr:`Fmu.is_model_exchange` is true, as the next two.
+        """
+        raise NotImplementedError
+
+    @property
+    def has_events(self) -> bool:
+        """Whether the FMU has event indicators or a next time event."""
+        raise NotImplementedError
+
+    def set_time_and_states(self, time: float, states: Vector) -> None:
+        """Set a time [s] and continuous states, without handling events.
+
+        :raises RefusedError: if the FMU discards them.
+        """
+        raise NotImplementedError
+
     def prepare_call(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
         """Call of a function with arguments; :meth:`failure` makes its errors."""
         return Call(function, *arguments).set_failure(action, self.failure)
@@ -134,6 +154,10 @@ class Instance(ABC):
     @abstractmethod
     def close(self) -> None:
         """Terminate and free the FMU, as far as FMI allows in its state; safe to repeat."""
+
+    def release(self) -> None:
+        """Do as :meth:`close` does, and raise a SimulationError if a process of its own crashes meanwhile."""
+        self.close()
 
 
 Instances = Mapping[str, Instance]

@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from ctypes import c_double
 from functools import partial
 from pathlib import Path
-from typing import Any, Self, cast, final, get_args
+from typing import Any, Self, final, get_args
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import extract_fmus, make_instance
-from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.linearization import Linearization, Method
 from liaisons.cosim.running.trial import try_to_start
@@ -88,7 +87,7 @@ class FmuEquations:
         with ExitStack() as stack:
             folder = extract_fmus([fmu], stack.enter_context(temporary_folder()))[fmu.path]
             try_to_start(part, folder, (time, time + 1.0))
-            self._instance = cast(ModelExchange, stack.enter_context(make_instance(name, fmu, folder)))
+            self._instance = stack.enter_context(make_instance(name, fmu, folder))
             self._instance.initialize(part.starts, None, time, time + 1.0)
             self._instance.exit_initialization()
             self._put, self._in = self._prepared_calls("setter", self.inputs)

@@ -19,7 +19,7 @@ from weakref import WeakSet
 from liaisons.base import cache
 from liaisons.base.processes import TIME_LIMIT, die_with_parent
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances import Instance, make_instance
+from liaisons.cosim.instances import Instance, isolation, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import ProcessEndedError, SimulationError
 
@@ -50,9 +50,7 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
     settings = digest, fmu.binary, begin, size, sorted(part.starts.items()), sys.version
     key = sha256(repr(settings).encode()).hexdigest()
     if not (cache.is_trusted_fmu(digest) or cache.is_trusted_fmu(key)):
-        from liaisons.cosim.instances import isolated  # most FMUs need no trial
-
-        stage, how = (_in_fork if isolated.SUPPORTED else _in_interpreter)(part, directory, begin, size)
+        stage, how = (_in_fork if isolation() else _in_interpreter)(part, directory, begin, size)
         if how:
             raise SimulationError(
                 f"{part.name}: {fmu.path.name} crashes when it is {stage} ({how}); "
@@ -65,8 +63,6 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
 
 def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin: float, size: float) -> Iterator[str]:
     """Start an FMU and step it once; yields each stage before it begins, and :data:`_LAST` after all of them."""
-    from liaisons.cosim.instances import isolated
-
     yield "instantiated"
     instance = make_instance()
     try:
@@ -76,8 +72,7 @@ def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin:
         yield "stepped"
         instance.stepper(c_double(begin), c_double(size)).perform("")
         yield "released"
-        if isinstance(instance, isolated.Isolated):
-            instance.release()
+        instance.release()
     finally:
         instance.close()
     yield _LAST
@@ -85,7 +80,6 @@ def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin:
 
 def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
     """Start an FMU in a forked process; returns the last stage, and how the process crashed, if it did."""
-    from liaisons.cosim.instances import isolated
 
     def make_silently() -> Instance:
         logging.disable()
@@ -94,8 +88,10 @@ def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) 
             os.dup2(nothing, stream)
         return make_instance(part.name, part.fmu, directory)
 
-    isolate = partial(isolated.Isolated, part.name, part.fmu, make_silently, TIME_LIMIT)
-    stage, stages = "", _stages(isolate, part, begin, size)
+    isolate = isolation()
+    assert isolate is not None
+    make = partial(isolate, part.name, part.fmu, make_silently, TIME_LIMIT)
+    stage, stages = "", _stages(make, part, begin, size)
     try:
         while stage != _LAST:
             stage = next(stages)

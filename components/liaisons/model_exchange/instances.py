@@ -8,29 +8,36 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import byref, c_bool, c_double, c_size_t, c_void_p
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, final
 
 import numpy as np
-from fmpy.fmi2 import fmi2EventInfo
+from fmpy.fmi2 import FMU2Model, fmi2EventInfo
+from fmpy.fmi3 import FMU3Model
+from numpy.typing import NDArray
 
-from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
-from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Starts
-from liaisons.cosim.instances import dop853
-from liaisons.cosim.instances.dop853 import Dop853, InputMotion
-from liaisons.cosim.instances.fmi2 import Instance2
-from liaisons.cosim.instances.fmi3 import Instance3
-from liaisons.cosim.instances.loading import FMU2ModelExchange, FMU3ModelExchange
-from liaisons.cosim.instances.protocol import Loaded, Scalars
-from liaisons.cosim.messages import DISCARD, OK, SUCCESS, logger
+from liaisons.base.arrays import Floats
+from liaisons.base.logs import logger
+from liaisons.cosim import (
+    DISCARD,
+    SUCCESS,
+    Call,
+    Fmu,
+    Instance2,
+    Instance3,
+    Loaded,
+    Numbers,
+    Scalars,
+    SharedFunctions,
+)
 from liaisons.errors import EndedError, RefusedError, SimulationError
+from liaisons.model_exchange import dop853
+from liaisons.model_exchange.dop853 import Dop853, InputMotion
 
 if TYPE_CHECKING:
-    from liaisons.cosim.instances.cvode import Cvode, Function
+    from liaisons.model_exchange.cvode import Cvode, Function
 
 TOLERANCE = 1e-8
 """Relative tolerance, if neither the user nor the FMU gives one."""
@@ -50,6 +57,19 @@ _DIFFERENCE_SPAN = 1e-3
 """Part of a step between the points of the difference formula of outputs; truncation and rounding are 1e-12."""
 _FORWARD_DIFFERENCE = (4.0, -3.0, 4 / 3, -1 / 4)
 """Weights of outputs at the next four points for the rate now, beside -25/12 now: forward difference of order 4."""
+
+
+# the first four characters of a name tell FMPy the version
+
+
+@final
+class FMU2ModelExchange(SharedFunctions, FMU2Model):
+    """A Model Exchange FMU of FMI 2.0."""
+
+
+@final
+class FMU3ModelExchange(SharedFunctions, FMU3Model):
+    """A Model Exchange FMU of FMI 3.0."""
 
 
 class DiscreteStatesUpdate(NamedTuple):
@@ -80,7 +100,9 @@ class ModelExchange(Loaded, ABC):
 
     # ---- initialization
 
-    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
+    def initialize(
+        self, starts: Mapping[str, Any], tolerance: float | None, start_time: float, stop_time: float
+    ) -> None:
         self._tolerance = tolerance or self._fmu.experiment.tolerance or TOLERANCE
         self._clock.value, self._next_event, self._end_time = start_time, math.inf, math.inf
         self._jumped, self._motion, self._held_inputs[:] = False, None, np.nan
@@ -122,7 +144,7 @@ class ModelExchange(Loaded, ABC):
         :raises SimulationError: if FMPy has none for this platform.
         """
         try:
-            from liaisons.cosim.instances.cvode import Cvode  # FMPy does not ship it for every platform
+            from liaisons.model_exchange.cvode import Cvode  # FMPy does not ship it for every platform
         except (ImportError, OSError) as error:
             raise SimulationError(
                 "Model Exchange needs a C compiler, or CVODE, which FMPy does not have here, where equations are stiff "
@@ -169,11 +191,11 @@ class ModelExchange(Loaded, ABC):
 
         return Call(write_changes).set_failure("set", write.failure)
 
-    def _add_held_inputs(self, variables: Scalars) -> Indices:
+    def _add_held_inputs(self, variables: Scalars) -> NDArray[np.intp]:
         """Add variables to the held inputs, whose values are then unknown; returns their indices there."""
         indices = [self._input_indices.setdefault(variable.name, len(self._input_indices)) for variable in variables]
         self._held_inputs = np.full(len(self._input_indices), np.nan)
-        return as_indices(indices)
+        return np.array(indices, dtype=np.intp)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # discrete ones do not move
@@ -198,7 +220,7 @@ class ModelExchange(Loaded, ABC):
         """As :meth:`Instance.output_derivatives`, of order 1, by differences along the derivatives set for inputs."""
         read, result = self.getter(variables, values), np.asarray(values)
 
-        def outputs() -> Vector:
+        def outputs() -> Floats:
             self._check(self.functions["get"], read(), self._time_text())
             return result
 
@@ -270,7 +292,7 @@ class ModelExchange(Loaded, ABC):
     def _integrate(self, stop: float) -> bool:
         """Make a step of the solver, to ``stop`` [s] at most; returns whether there is an event at its end."""
         begin, time, event = self._clock.value, stop, False
-        self._refusal = "", OK
+        self._refusal = "", 0
         if (self._count.value or self._indicators.size) and stop - begin > 4 * np.spacing(max(abs(begin), abs(stop))):
             solver = self._restart_if_stale()
             if isinstance(solver, Dop853):
@@ -290,7 +312,7 @@ class ModelExchange(Loaded, ABC):
             self._change_to_cvode()
         return self._complete_step() or event
 
-    def _check_finite_derivatives(self, states: Vector) -> None:
+    def _check_finite_derivatives(self, states: Floats) -> None:
         """Raise an error if derivatives of the states are not finite at the present time or right after it."""
         begin, rates = self._clock.value, np.zeros_like(states)
         for later in (0.0, _CHATTER_SPAN * self._size, 4 * float(np.spacing(abs(begin)))):
@@ -337,7 +359,7 @@ class ModelExchange(Loaded, ABC):
             self._stale = False
         return solver
 
-    def _nominal_values(self) -> Vector:
+    def _nominal_values(self) -> Floats:
         """Nominal values of the states; 1 for a value that is not positive and finite."""
         fine = (self._nominals > 0) & np.isfinite(self._nominals)
         if not fine.all():
@@ -372,20 +394,14 @@ class ModelExchange(Loaded, ABC):
     # ---- its equations
 
     @property
-    def continuous_states(self) -> tuple[Vector, Vector]:
-        """Values of the continuous states, and their nominal values."""
+    def continuous_states(self) -> tuple[Floats, Floats]:
         return self._restart_if_stale().states.copy(), self._nominal_values()
 
     @property
     def has_events(self) -> bool:
-        """Whether the FMU has event indicators or a next time event."""
         return bool(self._indicators.size) or math.isfinite(self._next_event)
 
-    def set_time_and_states(self, time: float, states: Vector) -> None:
-        """Set a time [s] and continuous states, without handling events.
-
-        :raises RefusedError: if the FMU discards them.
-        """
+    def set_time_and_states(self, time: float, states: Floats) -> None:
         states = np.ascontiguousarray(states)
         self._check(*self._try_time_and_states(time, c_void_p(states.ctypes.data)), self._time_text())
 
@@ -462,7 +478,7 @@ class ModelExchange(Loaded, ABC):
             self._warn_once("an event indicator is nan%s, so that events may be missed", self._time_text())
         return not np.array_equal(before, self._indicators > 0)
 
-    def _read_numbers(self, numbers: Vector, function: str, about: str = "") -> None:
+    def _read_numbers(self, numbers: Floats, function: str, about: str = "") -> None:
         """Read states, derivatives or indicators into an array by an FMI function, and check its status."""
         status = self._function(function)(self._pointer, c_void_p(numbers.ctypes.data), c_size_t(numbers.size))
         self._check(function, status, about)

@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
-from liaisons.cosim.compiled.cached import cached_library
-from liaisons.cosim.compiled.calls import HEADER, Call
-from liaisons.cosim.structures import Record, structure_fields
+from liaisons.base.arrays import Floats
+from liaisons.cosim import HEADER, Call, Numbers, Record, cached_library, structure_fields
 from liaisons.errors import RefusedError
 
 
@@ -42,9 +40,9 @@ class InputMotion:
         orders: Sequence[int],
         rows: Sequence[int],
         derivatives: tuple[Numbers, Sequence[int]],
-        held: Indices,
+        held: NDArray[np.intp],
     ) -> None:
-        self.orders, self.rows, self._moving = map(as_indices, (orders, rows, derivatives[1]))
+        self.orders, self.rows, self._moving = (np.array(x, np.intp) for x in (orders, rows, derivatives[1]))
         self._all, self.held = np.asarray(derivatives[0]), held
         self._factorials = np.array([math.factorial(order) for order in orders])
         self.values = np.zeros(held.size)
@@ -61,11 +59,11 @@ class InputMotion:
         np.add.at(self.values, self.rows, self.slopes * (time - self.start) ** self.orders)
 
 
-SolverState = tuple[float, float, Vector, Vector]
+SolverState = tuple[float, float, Floats, Floats]
 """Time and size of the next step [s], states, and their compensation of rounding."""
 
 _HERE = Path(__file__).parent
-_RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
+_RUNTIME = _HERE.parent / "fmu" / "runtime"
 _SOURCES = (
     _HERE / "dop853.c",
     HEADER,
@@ -108,7 +106,7 @@ class Dop853:
         instance: c.c_void_p,
         functions: Sequence[Any],
         size: int,
-        signs: Vector,
+        signs: Floats,
         tolerance: float,
     ) -> None:
         self._code, self.stiff = code, False

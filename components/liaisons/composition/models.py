@@ -17,9 +17,15 @@ import numpy as np
 from liaisons.algebra import at_zero
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language import ActiveInput, Layout, State, Terminal, TerminalMember, Variable
-from liaisons.mechanics.contacts import contact_functions, contact_method
-from liaisons.mechanics.functions import CONTACT_NUMBERS, results_of
-from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, Reach, domain_conditions
+from liaisons.mechanics import (
+    CONTACT_NUMBERS,
+    NEXT_EVENT,
+    Equation,
+    Model,
+    contact_functions,
+    contact_method,
+    domain_conditions,
+)
 
 
 def compose(
@@ -107,7 +113,9 @@ def _prefixed(part: str, model: Model) -> Model:
         configuration=tuple(map(full, model.configuration)),
         contacts=tuple(contact.renamed(full) for contact in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
-        reaches=tuple(Reach(f"{part}: {r.text}", tuple(map(full, r.prescribed))) for r in model.reaches),
+        reaches=tuple(
+            replace(r, text=f"{part}: {r.text}", prescribed=tuple(map(full, r.prescribed))) for r in model.reaches
+        ),
         active=tuple(ActiveInput(*map(full, item)) for item in model.active),
         ports=tuple(
             Terminal(full(p.name), p.kind, tuple(TerminalMember(m.role, full(m.variable)) for m in p.members))
@@ -135,8 +143,8 @@ class _Part:
         """
         arguments, forced = {**self.vectors, **vectors}, self.model.forced_motion
         if forced is not None and name in forced.name_out():
-            return [results_of("forced_motion", forced, arguments)[forced.index_out(name)]]
-        return results_of(name, getattr(self.model, name), arguments)
+            return [self.model.results("forced_motion", arguments)[forced.index_out(name)]]
+        return self.model.results(name, arguments)
 
 
 class _Joined:
@@ -233,7 +241,7 @@ class _Joined:
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
         """Column of one of :data:`CONTACT_NUMBERS` of the contacts of some kinds."""
-        row_of: dict[Contact, ca.SX] = {}
+        row_of = dict[Any, ca.SX]()
         for part in self.parts:
             contacts = [contact for contact in part.model.contacts if contact.friction in kinds]
             row_of |= dict(zip(contacts, ca.vertsplit(part.function_results(name)[0]), strict=True)) if contacts else {}

@@ -24,17 +24,12 @@ from typing import Any, final
 
 import numpy as np
 
+from liaisons.base.arrays import Floats
+from liaisons.base.logs import logger
 from liaisons.base.processes import fork_guarded
-from liaisons.cosim.arrays import Numbers, Vector
-from liaisons.cosim.compiled.calls import Action, Call
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Starts
-from liaisons.cosim.instances.protocol import Instance, Scalars
-from liaisons.cosim.messages import FATAL, OK, STATUSES, logger
+from liaisons.cosim import FATAL, STATUSES, Action, Call, Fmu, Instance, Numbers, Scalars
 from liaisons.errors import LiaisonsError, ProcessEndedError, SimulationError
 
-SUPPORTED = sys.platform == "linux"
-"""Whether FMUs can run in processes of their own."""
 _RELEASE_LIMIT = 5.0
 """Time limit of the release [s]."""
 _LONGEST_LIMIT = 1e6
@@ -71,7 +66,9 @@ class Isolated(Instance):
             self.close()
             raise
 
-    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
+    def initialize(
+        self, starts: Mapping[str, Any], tolerance: float | None, start_time: float, stop_time: float
+    ) -> None:
         self._ask("its initialization", "initialize", starts, tolerance, start_time, stop_time)
 
     def assign(self, name: str, value: Any) -> None:
@@ -101,7 +98,7 @@ class Isolated(Instance):
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
-    def prepare_intermediate_inputs(self, variables: Scalars, values: Vector) -> Call:
+    def prepare_intermediate_inputs(self, variables: Scalars, values: Floats) -> Call:
         return self._prepare("set", "prepare_intermediate_inputs", variables, sent=[values])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
@@ -116,10 +113,6 @@ class Isolated(Instance):
             logger.warning("%s", error)
 
     def release(self) -> None:
-        """Release the instance and end its process; safe to repeat.
-
-        :raises SimulationError: if the process crashes meanwhile; :meth:`close` logs the error instead.
-        """
         try:
             if not self._fate:
                 self._limit = min(self._limit, _RELEASE_LIMIT)
@@ -266,7 +259,7 @@ class _Server:
         """Make a prepared call with the bytes of its buffers; returns its status, and the bytes that it has read."""
         call, store = self._calls[number]
         store[: len(sent)] = sent
-        self._last = call, (status := call() or OK)
+        self._last = call, (status := call() or 0)
         return status, bytes(memoryview(store)[len(sent) :])
 
     def _prepare(self, method: str | None, arguments: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:

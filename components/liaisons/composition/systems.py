@@ -19,9 +19,10 @@ from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.identifiers import identifier
 from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
+from liaisons.composition.models import compose
 from liaisons.cosim import System, SystemComponent, SystemDocument
 from liaisons.errors import SimulationError
-from liaisons.library.fmus import Target, component, has_size, is_named, model
+from liaisons.library import Target, component, has_size, is_named, model
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -65,8 +66,6 @@ def flatten(
 
 def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
     """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
-    from liaisons.mechanics import compose
-
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")
     document = system.document.filled()

@@ -20,7 +20,7 @@ from fmpy.sundials.sundials_context import SUNContext_PushErrHandler
 from fmpy.sundials.sundials_nvector import N_Vector
 from numpy.typing import ArrayLike
 
-from liaisons.cosim.arrays import Vector
+from liaisons.base.arrays import Floats
 from liaisons.errors import RefusedError
 
 Function = Callable[[float, int, int], int]
@@ -55,7 +55,7 @@ class Cvode(CVodeSolver):
         self._rates, self._indicators = rates, indicators
         self._count = count
         self._data = _Data()
-        self._signs: dict[bytes, Vector] = {}  # by their address
+        self._signs: dict[bytes, Floats] = {}  # by their address
 
         def set_to_one(numbers: Any, count: int) -> None:
             np.ctypeslib.as_array(numbers, (count,))[:] = 1.0

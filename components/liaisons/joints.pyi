@@ -1,0 +1,13 @@
+from .linkages import Body as Body
+from .linkages import BodyPoint as BodyPoint
+from .linkages import Cylindrical as Cylindrical
+from .linkages import Free as Free
+from .linkages import Planar as Planar
+from .linkages import Prismatic as Prismatic
+from .linkages import Revolute as Revolute
+from .linkages import Screw as Screw
+from .linkages import Spherical as Spherical
+from .linkages import SpringDamper as SpringDamper
+from .linkages import Universal as Universal
+from .linkages import Weld as Weld
+from .linkages import ground as ground

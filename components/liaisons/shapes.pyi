@@ -1,0 +1,12 @@
+from .language import Ball as Ball
+from .language import Box as Box
+from .language import Flash as Flash
+from .language import Floor as Floor
+from .language import Rod as Rod
+from .language import Rope as Rope
+from .language import Shapes as Shapes
+from .language import Spring as Spring
+from .language import Trail as Trail
+from .language import Wire as Wire
+from .language import circle as circle
+from .language import turned as turned
