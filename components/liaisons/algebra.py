@@ -14,7 +14,7 @@ from liaisons.expressions import without_zero_directions
 
 
 def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
-    """Return scalars or columns stacked into one column; (0, 1) for none."""
+    """Scalars or columns stacked into one column; (0, 1) for none."""
     rows = list(expressions)
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
@@ -32,22 +32,22 @@ def closure(uses: NDArray[np.bool_], first: ArrayLike) -> list[int]:
 
 
 def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
-    """Return ∂expression/∂column as a column; unlike CasADi's own, (0, 1) for an empty column."""
+    """∂expression/∂column as a column; unlike CasADi's own, (0, 1) for an empty column."""
     return ca.jacobian(expression, column).T
 
 
 def jacobian(expression: ca.SX, column: ca.SX) -> ca.SX:
-    """Return ∂expression/∂column without terms that are zero because a call does not depend on the column."""
+    """∂expression/∂column without terms that are zero because a call does not depend on the column."""
     return without_zero_directions(ca.jacobian(expression, column))
 
 
 def hessian(expression: ca.SX, column: ca.SX) -> ca.SX:
-    """Return ∂²expression/∂column∂column without terms that are zero because a call does not depend on the column."""
+    """∂²expression/∂column∂column without terms that are zero because a call does not depend on the column."""
     return without_zero_directions(ca.hessian(expression, column)[0])
 
 
 def at_zero(expression: ca.SX, symbols: ca.SX) -> ca.SX:
-    """Return an expression with zeros in place of a column of symbols."""
+    """Expression with zeros in place of a column of symbols."""
     return ca.substitute(expression, symbols, type(symbols).zeros(*symbols.shape))
 
 
@@ -67,7 +67,7 @@ class Factors:
 
     @classmethod
     def of(cls, matrix: ca.SX, order: list[int] | None = None) -> Self:
-        """Return L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order is given.
+        """L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order is given.
 
         :param matrix: symmetric, with nonzero pivots in this order, as those of a positive definite one are in any.
         """
@@ -77,12 +77,12 @@ class Factors:
         return cls(order, D, LT)
 
     def solve(self, right: ca.SX) -> ca.SX:
-        """Return matrix⁻¹ right, for a column or a matrix."""
+        """Solution of matrix x = right, for a column or a matrix."""
         n = len(self.order)
         inverse = sorted(range(n), key=self.order.__getitem__)
         return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[inverse, :]
 
 
 def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Return matrix⁻¹ right for a symmetric positive definite matrix."""
+    """Solution of matrix x = right for a symmetric positive definite matrix."""
     return right / matrix if matrix.shape == (1, 1) else Factors.of(matrix).solve(right)

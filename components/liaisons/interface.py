@@ -58,7 +58,7 @@ def _write_archive(*arguments: Any, **settings: Any) -> None:
 
 
 def _composed(system: System) -> Model:
-    """Return the model of a whole system."""
+    """Model of a whole system."""
     (composed_model,) = registered("liaisons.system_models")
     return composed_model(system)
 
@@ -130,7 +130,7 @@ def _unconnected_system(subjects: list[Path | System]) -> System:
 
 
 def equations(subject: Target | System | Model) -> DisplayedEquations:
-    """Return the equations of a component or system for display: ``equations("Pendulum")["motion"]``.
+    """Equations of a component or system for display: ``equations("Pendulum")["motion"]``.
 
     :param subject: name, file or class of a component; a system that :meth:`System.flatten` takes; a model.
     :raises ProjectError: if there is no such component.
@@ -147,7 +147,7 @@ def equations(subject: Target | System | Model) -> DisplayedEquations:
 def operator(
     fmu: Target, /, *, start_values: Mapping[str, ArrayLike] | None = None, **keywords: ArrayLike
 ) -> OperatorFmu:
-    """Return an operator that moves a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
+    """Operator that moves a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
     :param start_values: its parameters by name, where they differ from the FMU's; ``keywords`` are further ones.
@@ -166,7 +166,7 @@ def tabulated(
     *,
     join: Join = "quintic",
 ) -> OperatorFmu:
-    """Return an operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
+    """Operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
     follow from the values.  A time that is repeated is a jump, which becomes a communication point.

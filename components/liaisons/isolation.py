@@ -133,7 +133,8 @@ class Isolated(Instance):
 
         :param method: name of the method that prepares it; None: the second call that the last method returned.
         :param arguments: first arguments of the method; its buffers follow.
-        :param sent: buffers whose values are sent with each call; ``received``: the one whose values come back.
+        :param sent: buffers whose values are sent with each call.
+        :param received: the one whose values come back.
         """
         shapes = [np.shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
         number = self._ask("its preparation", "prepare", method, arguments, shapes)

@@ -72,7 +72,7 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Return the trajectory of the default experiment; None for contacts, samples, singularities, or too much work."""
+    """Trajectory of the default experiment; None for contacts, samples, singularities, or too much work."""
     count = model.derivatives.numel_in(1)
     if model.contacts or model.sample or count * INTERVALS > WORK:
         return None
@@ -97,7 +97,7 @@ def trajectory(model: Model) -> Trajectory | None:
 
 
 def _with_reference_starts(model: Model) -> Model:
-    """Return the model with the start values of ``Experiment(reference=...)``."""
+    """Model with the start values of ``Experiment(reference=...)``."""
     reference = model.experiment.reference
     scalars = [v.name for v in (*model.parameters, *model.inputs) if v.dimension is None]
     for name in reference:
@@ -118,7 +118,7 @@ _Motion = Callable[[float], NDArray]
 
 
 def _input_motion(model: Model, start: NDArray) -> _Motion:
-    """Return the inputs as a function of time: prescribed coordinates of constant acceleration, other inputs constant.
+    """Inputs as a function of time: prescribed coordinates of constant acceleration, other inputs constant.
 
     Such a motion is exact in an FMU for any communication step size.
     """
@@ -157,7 +157,7 @@ def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion,
 
 
 def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
-    """Return the function (t, y) → dy/dt, which raises _GivenUpError after too many calls."""
+    """Function (t, y) → dy/dt, which raises _GivenUpError after too many calls."""
     state, result = np.zeros((2, model.derivatives.numel_out(0)))
     time = np.zeros(1)
     call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
@@ -177,12 +177,12 @@ def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[flo
 
 
 def extras(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return the reference results of an FMU, by path in the archive."""
+    """Reference results of an FMU, by path in the archive."""
     return reference_members(model, trajectory(model), fmi)
 
 
 def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dict[str, bytes]:
-    """Return the files of fmi-ls-ref by path in the archive: manifest, and tables and parameters of the results.
+    """Files of fmi-ls-ref by path in the archive: manifest, and tables and parameters of the results.
 
     :param results: of this model; None where there are none.
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
@@ -211,14 +211,14 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
-    """Return the values of the inputs that leave their start values, shape (n, count) each."""
+    """Values of the inputs that leave their start values, shape (n, count) each."""
     indices = index_ranges(model.inputs)
     values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
     return {variable: column for variable, column in values.items() if np.any(column != variable.starts)}
 
 
 def _parameter_set(starts: Mapping[str, float]) -> bytes:
-    """Return start values as a parameter set of SSP."""
+    """Start values as a parameter set of SSP."""
     attributes = {"xmlns:ssv": f"{_SSP}SystemStructureParameterValues", "version": "1.0", "name": "reference"}
     parameters = (
         line
@@ -229,7 +229,7 @@ def _parameter_set(starts: Mapping[str, float]) -> bytes:
 
 
 def table_variables(model: Model) -> list[Variable]:
-    """Return the variables of the table of results: states, energy, operators' forces, signals; no long arrays."""
+    """Variables of the table of results: states, energy, operators' forces, signals; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
     forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
@@ -239,7 +239,7 @@ def table_variables(model: Model) -> list[Variable]:
 
 
 def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
-    """Return a CSV file with times, shape (n,), and variables, shape (n, count)."""
+    """CSV file with times, shape (n,), and variables, shape (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[e.name for e in v.elements()] if fmi == "2" else [v.name] for v in shown]
@@ -252,7 +252,7 @@ def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> b
 
 
 def _rounded(column: NDArray) -> NDArray:
-    """Return columns rounded to nine digits of their greatest number; columns of rounding errors become 0."""
+    """Columns rounded to nine digits of their greatest number; columns of rounding errors become 0."""
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)
@@ -260,7 +260,7 @@ def _rounded(column: NDArray) -> NDArray:
 
 
 def _manifest(related: list[dict[str, str]], why: str) -> bytes:
-    """Return fmi-ls-manifest.xml."""
+    """Text of fmi-ls-manifest.xml."""
     attributes = {
         "xmlns:fmi-ls": NAMESPACE,
         "fmi-ls:fmi-ls-name": NAME,

@@ -6,7 +6,7 @@ import re
 
 
 def identifier(name: str) -> str:
-    """Return a name as an identifier: ``"pumped swing"`` becomes ``PumpedSwing``."""
+    """Name as an identifier: ``"pumped swing"`` becomes ``PumpedSwing``."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     joined = "".join(word[0].upper() + word[1:] for word in words)
     return joined if joined[:1].isalpha() else f"System{joined}"

@@ -35,7 +35,7 @@ class _Clone(Distribution):
         return tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
     def read_text(self, filename: str) -> str | None:
-        """Return the text of a file as an installation has it: author and licence, entry points, files."""
+        """Text of a file as an installation has it: author and licence, entry points, files."""
         if filename == "RECORD":
             return "LICENSE,,"
         project = self._project
@@ -47,26 +47,26 @@ class _Clone(Distribution):
         return about if filename == "METADATA" else None
 
     def locate_file(self, path: str | PathLike[str]) -> Path:
-        """Return where a file is."""
+        """Path of a file."""
         return _COMPONENTS.parent / path
 
 
 @cache
 def own_distribution() -> Distribution:
-    """Return this package: the clone that it runs from, or as it is installed."""
+    """Distribution of this package: the clone that it runs from, or as it is installed."""
     is_clone = _COMPONENTS.name == "components" and (_COMPONENTS.parent / "pyproject.toml").is_file()
     return _Clone() if is_clone else distribution(_NAME)
 
 
 @cache
 def own_components() -> dict[str, EntryPoint]:
-    """Return the entry points of the catalogue by name of the component; none is imported."""
+    """Entry points of the catalogue by name of the component; none is imported."""
     return {entry.name: entry for entry in own_distribution().entry_points.select(group=GROUP)}
 
 
 @cache
 def registered(group: str) -> list[Any]:
-    """Return what this package registers in a group of entry points, so that who asks for it need not know it."""
+    """What this package registers in a group of entry points, so that who asks for it need not know it."""
     return [entry.load() for entry in own_distribution().entry_points.select(group=group)]
 
 

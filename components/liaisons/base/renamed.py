@@ -41,7 +41,7 @@ class _Renamed(MetaPathFinder, Loader):
         return ModuleSpec(fullname, self)
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Return the module by its own name; what it is stays in ``spec.loader_state``."""
+        """Module by its own name; what it is stays in ``spec.loader_state``."""
         module = import_module(self._name(spec.name))
         spec.loader_state = module.__spec__
         return module

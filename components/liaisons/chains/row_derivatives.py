@@ -25,7 +25,7 @@ from liaisons.chains.rows import (
 
 
 def forward(original: RowProgram) -> RowProgram:
-    """Return the program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
+    """Program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
     directions = [_new_symbols(argument) for argument in original.arguments]
     pairs = [(a.entries, d.entries) for a, d in zip(original.arguments, directions, strict=True) if a.entries.numel()]
 
@@ -52,7 +52,7 @@ def forward(original: RowProgram) -> RowProgram:
 
 
 def reverse(original: RowProgram) -> RowProgram:
-    """Return the program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted results."""
+    """Program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted results."""
     weights = [_new_symbols(result) for result in original.results]
     adjoints = _Adjoints()
     for result, weight in zip(original.results, weights, strict=True):
@@ -134,5 +134,5 @@ class _Adjoints:
 
 
 def _new_symbols(vector: Vector) -> Vector:
-    """Return a vector of new symbols in the shape of another one."""
+    """Vector of new symbols in the shape of another one."""
     return Vector(ca.SX.sym("d", vector.entries.shape[0]), vector.each)

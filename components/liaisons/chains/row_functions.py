@@ -18,7 +18,7 @@ _BRANCHES = 10
 
 
 def row_function(program: RowProgram) -> ca.Function:
-    """Return the CasADi function of a program."""
+    """CasADi function of a program."""
     row = _Row(program.n)
     arguments = []
     needed = keys(ca.vertcat(*(part.read for part in program.steps), *(part.entries for part in program.results)))
@@ -50,7 +50,7 @@ class _Row:
         self._values |= {key(symbol): value for symbol, value in zip(symbols, values, strict=True)}
 
     def evaluated(self, expressions: ca.SX) -> list[ca.MX]:
-        """Return the values of expressions, calculated operation by operation from those of symbols."""
+        """Values of expressions, calculated operation by operation from those of symbols."""
         symbols = ca.symvar(expressions)
         function = ca.Function("expressions", symbols, [ca.cse(expressions)])
 
@@ -63,11 +63,11 @@ class _Row:
         return values
 
     def link_columns(self, expressions: ca.SX) -> list[ca.MX]:
-        """Return the values of expressions at all links, (n, 1) each."""
+        """Values of expressions at all links, (n, 1) each."""
         return [self._as_column(values) for values in self.evaluated(expressions)]
 
     def column(self, vector: Vector) -> ca.MX:
-        """Return the values of a vector, one below the other."""
+        """Values of a vector, one below the other."""
         values = self.evaluated(ca.densify(vector.entries))
         parts = [self._as_column(x) if each else x for x, each in zip(values, vector.each, strict=True)]
         return ca.densify(ca.vertcat(*parts)) if parts else ca.MX(0, 1)
@@ -87,7 +87,7 @@ class _Row:
         self.define(scalars(step.last), last)
 
     def _scan_values(self, step: Carry, start: Sequence[ca.MX]) -> tuple[list[ca.MX], list[ca.MX]]:
-        """Return the values of a scan at the links (n, 1), and behind the last one (1, 1)."""
+        """Values of a scan at the links (n, 1), and behind the last one (1, 1)."""
         carried = scalars(step.symbols)
         own, count = keys(step.symbols), len(carried)
         read = [symbol for symbol in ca.symvar(step.following) if key(symbol) not in own]
@@ -100,17 +100,17 @@ class _Row:
         return [value.T for value in values[count:]], values[:count]
 
     def _as_column(self, values: ca.MX) -> ca.MX:
-        """Return a single number as one at each link (n, 1); a column as it is."""
+        """Single number as one at each link (n, 1); a column as it is."""
         return values if values.shape[0] == self._n else values * ca.MX.ones(self._n)
 
 
 def _shifted_by_one_link(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
-    """Return the values at each link, from those that each link hands on and that at the first one."""
+    """Values at each link, from those that each link hands on and that at the first one."""
     return ca.vertcat(following[1:, :], start) if inward else ca.vertcat(start, following[:-1, :])
 
 
 def _scan_tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:
-    """Return the function of a scan over n links, a tree with ten branches at each level.
+    """Function of a scan over n links, a tree with ten branches at each level.
 
     Of (start values, rows of n links, shared numbers) → (values behind the last link, rows of values at the links).
     """

@@ -26,11 +26,11 @@ class _Named:
     read: ca.SX  # (r, 1): expressions
 
     def rewritten(self, rewrite: Rewrite) -> Self:
-        """Return the step with its expressions rewritten."""
+        """Step with its expressions rewritten."""
         return replace(self, read=rewrite(self.read))
 
     def restricted_to(self, needed: set[int]) -> Self:
-        """Return the step with those of its rows that define needed symbols, by their keys."""
+        """Step with those of its rows that define needed symbols, by their keys."""
         rows = _row_indices(self.symbols, needed)
         return replace(self, symbols=self.symbols[rows], read=self.read[rows])
 
@@ -61,11 +61,11 @@ class Carry:
         return ca.vertcat(self.start, self.following)
 
     def rewritten(self, rewrite: Rewrite) -> Carry:
-        """Return the scan with its expressions rewritten."""
+        """Scan with its expressions rewritten."""
         return replace(self, start=rewrite(self.start), following=rewrite(self.following))
 
     def restricted_to(self, needed: set[int]) -> Carry:
-        """Return the carry of the symbols with these keys, and of all that they depend on."""
+        """Carry of the symbols with these keys, and of all that they depend on."""
         reached: set[int] = set()
         new = {*_row_indices(self.symbols, needed), *_row_indices(self.last, needed)}
         while new:
@@ -80,7 +80,7 @@ Step = Each | Sum | Carry
 
 
 def carry(symbols: ca.SX, start: ca.SX, following: ca.SX, *, inward: bool = False) -> Carry:
-    """Return a scan with new symbols for its last values."""
+    """Scan with new symbols for its last values."""
     last = ca.SX.sym("last", symbols.shape[0])
     return Carry(symbols, ca.densify(start), ca.densify(following), last, inward)
 
@@ -93,7 +93,7 @@ class Vector:
     each: tuple[bool, ...]  # whether it is one number a link
 
     def offsets(self, n: int) -> list[int]:
-        """Return the index of each entry for n links, and the length of the vector."""
+        """Index of each entry for n links, and the length of the vector."""
         return [0, *accumulate(n if each else 1 for each in self.each)]
 
 
@@ -114,7 +114,7 @@ class RowProgram:
 def row_program(
     name: str, n: int, arguments: Sequence[Vector], steps: Iterable[Step], results: Sequence[Vector]
 ) -> RowProgram:
-    """Return a program with structural constants propagated and dead code removed."""
+    """Program with structural constants propagated and dead code removed."""
     constants: list[tuple[ca.SX, ca.SX]] = []
 
     def simplified(expression: ca.SX) -> ca.SX:
@@ -131,7 +131,7 @@ def row_program(
 
 
 def _needed_steps(steps: Iterable[Step], results: Sequence[Vector]) -> list[Step]:
-    """Return the steps that the results depend on."""
+    """Steps that the results depend on."""
     needed = keys(ca.vertcat(*(result.entries for result in results)))
     used: list[Step] = []
     for step in reversed([*steps]):
@@ -143,7 +143,7 @@ def _needed_steps(steps: Iterable[Step], results: Sequence[Vector]) -> list[Step
 
 
 def leading_results(name: str, original: RowProgram, count: int) -> RowProgram:
-    """Return the program of the first ``count`` numbers of its only result."""
+    """Program of the first ``count`` numbers of its only result."""
     (whole,) = original.results
     rows = whole.offsets(original.n).index(count)
     return row_program(
@@ -152,7 +152,7 @@ def leading_results(name: str, original: RowProgram, count: int) -> RowProgram:
 
 
 def _constant_symbols(step: Step) -> list[tuple[ca.SX, ca.SX]]:
-    """Return pairs of a symbol that is constant, and its value; carried ones are constant if no link changes them."""
+    """Pairs of a symbol that is constant, and its value; carried ones are constant if no link changes them."""
     if not isinstance(step, Carry):
         pairs = zip(ca.vertsplit(step.symbols), ca.vertsplit(step.read), strict=True)
         return [(symbol, x) for symbol, x in pairs if (x.is_constant() if isinstance(step, Each) else x.is_zero())]
@@ -179,7 +179,7 @@ def append_new_symbols(symbols: ca.SX, pairs: list[tuple[ca.SX, ca.SX]]) -> ca.S
 
 
 def renamed_steps(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step], ca.SX]:
-    """Return steps, and an expression that needs them, with new symbols for all that the steps define."""
+    """Steps, and an expression that needs them, with new symbols for all that the steps define."""
     pairs: list[tuple[ca.SX, ca.SX]] = []
     copies: list[Step] = []
 
@@ -195,27 +195,27 @@ def renamed_steps(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step],
 
 
 def key(symbol: ca.SX) -> int:
-    """Return a hashable identity of a scalar symbol."""
+    """Hashable identity of a scalar symbol."""
     return symbol.element_hash()
 
 
 def scalars(column: ca.SX) -> list[ca.SX]:
-    """Return the entries of a column."""
+    """Entries of a column."""
     return ca.vertsplit(ca.densify(column)) if column.numel() else []
 
 
 def _row_indices(symbols: ca.SX, needed: set[int]) -> list[int]:
-    """Return the indices of the symbols that are needed."""
+    """Indices of the symbols that are needed."""
     return [i for i, symbol in enumerate(scalars(symbols)) if key(symbol) in needed]
 
 
 def keys(expression: ca.SX) -> set[int]:
-    """Return the keys of the symbols in an expression."""
+    """Keys of the symbols in an expression."""
     return {key(symbol) for symbol in ca.symvar(ca.SX(expression))}
 
 
 def substituted(expression: ca.SX, pairs: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the dense expression with columns of symbols replaced by columns of expressions."""
+    """Dense expression with columns of symbols replaced by columns of expressions."""
     dense = ca.densify(expression)
     if not pairs or dense.numel() == 0:
         return dense

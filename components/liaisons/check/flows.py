@@ -17,7 +17,7 @@ _STEP = 1e-30
 
 
 def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, times: ArrayLike) -> Floats:
-    """Return the solution of q' = ∂H/∂p, p' = -∂H/∂q, Hamilton's equations, by DOP853 at a tolerance of 1e-13.
+    """Solution of q' = ∂H/∂p, p' = -∂H/∂q, Hamilton's equations, by DOP853 at a tolerance of 1e-13.
 
     ::
 

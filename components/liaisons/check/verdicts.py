@@ -75,7 +75,7 @@ def _checked_number(claim: str, name: str, value: object) -> float:
 
 
 def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = None) -> str:
-    """Return a plain-text table with aligned columns.
+    """Plain-text table with aligned columns.
 
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
     :param width: characters of a line, where cells go over several lines; None: one line a row, however long.

@@ -65,7 +65,7 @@ def flatten(
 
 
 def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
-    """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
+    """Model of a whole system, with the equations of motion of all parts; errors are those of :func:`flatten`."""
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")
     document = system.document.filled()
@@ -87,7 +87,7 @@ def composed_model(system: System, components: Mapping[str, type[Component]] | N
 
 
 def model_of(subject: Target | System, **sizes: object) -> tuple[Model, dict[str, float]]:
-    """Return the model of a component, of a whole system, or of an FMU of ours, with the start values in the FMU.
+    """Model of a component, of a whole system, or of an FMU of ours, with the start values in the FMU.
 
     :param subject: an FMU by its path.
     :param sizes: structural sizes of a component, where they differ from those declared.
@@ -105,7 +105,7 @@ def model_of(subject: Target | System, **sizes: object) -> tuple[Model, dict[str
 
 
 def _model_of_part(part: SystemComponent, components: Mapping[str, type[Component]]) -> Model:
-    """Return the model that a part's FMU was built from; its class is one of ``components``, or has a name."""
+    """Model that a part's FMU was built from; its class is one of ``components``, or has a name."""
     fmu = part.fmu
     if fmu.has_table:
         raise SimulationError(
@@ -134,7 +134,7 @@ def _model_of_part(part: SystemComponent, components: Mapping[str, type[Componen
 
 
 def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
-    """Return start values of parameters and inputs by name: those of the system, else those in the FMU."""
+    """Start values of parameters and inputs by name: those of the system, else those in the FMU."""
     own = part.element_starts
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
     starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}

@@ -109,7 +109,7 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
 
 
 def _term_sizes(matrix: ca.SX, column: ca.SX) -> ca.SX:
-    """Return the sums of the absolute values of the terms of matrix @ column."""
+    """Sums of the absolute values of the terms of matrix @ column."""
     return ca.fabs(matrix) @ ca.fabs(column)
 
 

@@ -19,12 +19,12 @@ _Call = tuple[ca.Function, list[list[ca.SX]], list[int]]
 
 
 def called_functions(expression: ca.SX) -> list[ca.Function]:
-    """Return functions that an expression calls, directly or by others."""
+    """Functions that an expression calls, directly or by others."""
     return ca.Function("calls", ca.symvar(expression), [expression]).find_functions()
 
 
 def jumping_table(expression: ca.SX, *, slope: bool) -> str:
-    """Return the name of a linear interpolant in an expression, else no text.
+    """Name of a linear interpolant in an expression, else no text.
 
     :param slope: only one whose derivative is in it.
     """
@@ -34,7 +34,7 @@ def jumping_table(expression: ca.SX, *, slope: bool) -> str:
 
 
 def without_zero_directions(expression: ca.SX) -> ca.SX:
-    """Return an expression with zeros for derivatives of calls in directions of zeros."""
+    """Expression with zeros for derivatives of calls in directions of zeros."""
 
     def call(function: ca.Function, arguments: list[list[ca.SX]], directions: list[int]) -> list[ca.SX] | None:
         entries = [x for i in directions for x in arguments[i]]
@@ -44,7 +44,7 @@ def without_zero_directions(expression: ca.SX) -> ca.SX:
 
 
 def with_opaque_calls(expression: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
-    """Return an expression with symbols for the results of its calls, each with equal arguments once.
+    """Expression with symbols for the results of its calls, each with equal arguments once.
 
     Derivatives are linear in their directions: a symbol stands for the factor of each.
     """
@@ -68,7 +68,7 @@ def with_opaque_calls(expression: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 def _rebuilt(
     expression: ca.SX, replace: Callable[[ca.Function, list[list[ca.SX]], list[int]], Sequence[ca.SX] | None]
 ) -> ca.SX:
-    """Return an expression with other values for its calls.
+    """Expression with other values for its calls.
 
     :param replace: function, arguments and numbers of those that are directions -> entries of all results; None: as
         they are.
@@ -104,7 +104,7 @@ def _results_of_call(
     entries: list[ca.SX],
     replace: Callable[[ca.Function, list[list[ca.SX]], list[int]], Sequence[ca.SX] | None],
 ) -> Sequence[ca.SX]:
-    """Return the entries of all results of a call, one after the other."""
+    """Entries of all results of a call, one after the other."""
     function, left = node.which_function(), iter(entries)
     arguments = [[next(left) for _ in range(function.nnz_in(i))] for i in range(function.n_in())]
     kind = re.match(r"(fwd|adj)\d*_", function.name_out(0))

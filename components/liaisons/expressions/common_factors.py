@@ -48,7 +48,7 @@ class Factored:
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
-        """Return the terms of a sum, and of the sums that it has absorbed."""
+        """Terms of a sum, and of the sums that it has absorbed."""
         terms: list[Term] = []
         left = [(number, 1)]
         while left:
@@ -63,7 +63,7 @@ class Factored:
         return terms
 
     def _factors(self, number: int) -> list[int]:
-        """Return the factors of a product, and of the products that it has absorbed."""
+        """Factors of a product, and of the products that it has absorbed."""
         factors, left = [], [number]
         while left:
             for x in self._old[left.pop()].arguments:
@@ -111,7 +111,7 @@ class Factored:
 
 
 def _absorbed_nodes(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
-    """Return the nodes to be absorbed: sums with a single use, in a sum; products with a single one, in either."""
+    """Nodes to be absorbed: sums with a single use, in a sum; products with a single one, in either."""
     uses = Counter(argument for node in nodes if node.operation is not None for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
     inner: set[int] = set()
@@ -128,7 +128,7 @@ def _is_sum(node: Instruction) -> bool:
 
 
 def _common_factors(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
-    """Return common factors of terms, at least ``factor``, and the other factors of each term, never none."""
+    """Common factors of terms, at least ``factor``, and the other factors of each term, never none."""
     common = reduce(and_, (Counter(factors) for factors, _ in terms))
     if any(len(factors) == common.total() for factors, _ in terms):
         common = Counter([factor])

@@ -73,7 +73,7 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
 
 
 def _powers(unit: str) -> Powers | None:
-    """Return the powers of base units; None for any unit."""
+    """Powers of base units; None for any unit."""
     return None if unit == units.ANY else units.powers(unit)
 
 
@@ -98,7 +98,7 @@ class _Node:
             yield self
 
     def subexpressions(self) -> list[_Node]:
-        """Return the node and all nodes below it, in the order of evaluation."""
+        """Node and all nodes below it, in the order of evaluation."""
         seen: set[_Node] = {self}
         waiting: list[_Node] = [self]
         while waiting:
@@ -108,12 +108,12 @@ class _Node:
         return sorted(seen, key=lambda node: node.number)
 
     def text(self) -> str:
-        """Return the expression in the usual notation, cut where it is long."""
+        """Expression in the usual notation, cut where it is long."""
         text, _ = self.written(8)
         return text if len(text) <= _READABLE else f"{text[: _READABLE - 4].rstrip()} ..."
 
     def written(self, depth: int) -> tuple[str, int]:
-        """Return the text of the expression, to a depth of operands, and its precedence as in :data:`_WRITTEN`."""
+        """Text of the expression, to a depth of operands, and its precedence as in :data:`_WRITTEN`."""
         if self.name:
             return self.name, 3
         if self.constant is not None:
@@ -129,7 +129,7 @@ class _Node:
 
 
 def _derive_unit(node: _Node) -> Powers | None:
-    """Return the unit of a node from those of its operands; None if it is unknown.
+    """Unit of a node from those of its operands; None if it is unknown.
 
     Operands that do not fit are noted in ``node.wrong``.
     """
@@ -160,7 +160,7 @@ def _derive_unit(node: _Node) -> Powers | None:
 
 
 def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | None:
-    """Return the unit 1; None, and a note in ``node.wrong``, if the operand has another one."""
+    """Unit 1; None, and a note in ``node.wrong``, if the operand has another one."""
     if operand.unit in (None, NUMBER):
         return NUMBER
     node.wrong = f"{message}, but {operand.text()} is {unit_name(operand.unit or NUMBER)}"
@@ -183,7 +183,7 @@ def _raise_first_error(item: Declared, result: _Node, expected: Powers | None) -
 
 
 def _unlike_terms_message(node: _Node) -> str:
-    """Return a message about two terms of a sum that have different units."""
+    """Message about two terms of a sum that have different units."""
     terms = [term for term in (node.terms() if node.code in _SUMS else node.operands) if term.unit is not None]
     first = terms[0]
     second = next((term for term in terms if term.unit != first.unit), terms[-1])
@@ -192,14 +192,14 @@ def _unlike_terms_message(node: _Node) -> str:
 
 
 def _constant_hint(node: _Node) -> str:
-    """Return a hint for a message: a number in the expression that may be a quantity; else nothing."""
+    """Hint for a message: a number in the expression that may be a quantity; else nothing."""
     constants = [x for part in node.subexpressions() if (x := part.constant)]
     odd = [x for x in constants if not ((2 * x).is_integer() or (1 / x).is_integer())]
     return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
 
 
 def _unit_text(unit: Powers | None) -> str:
-    """Return a unit as messages write it."""
+    """Unit as messages write it."""
     return "a pure number" if unit == NUMBER else unit_name(unit or NUMBER)
 
 

@@ -47,7 +47,7 @@ def interpret(
 
 
 def operation_codes(function: ca.Function) -> set[int]:
-    """Return CasADi's codes of a function's instructions."""
+    """CasADi's codes of a function's instructions."""
     return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
@@ -62,12 +62,12 @@ NOT_SMOOTH = {
 
 
 def is_smooth_function(function: ca.Function) -> bool:
-    """Return whether no operation of a scalar function has a kink or a jump."""
+    """Whether no operation of a scalar function has a kink or a jump."""
     return not operation_codes(function) & NOT_SMOOTH
 
 
 def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
-    """Return whether an expression is smooth in a symbol: no operand with it has a kink or a jump."""
+    """Whether an expression is smooth in a symbol: no operand with it has a kink or a jump."""
     parameters = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
     function = ca.Function("expression", [by, ca.vertcat(*parameters)], [expression])
     kinks: set[int] = set()
@@ -82,7 +82,7 @@ def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
 
 
 def perform(code: int, operands: Sequence[X]) -> X:
-    """Return the result of the operation with a code of CasADi on one or two expressions."""
+    """Result of the operation with a code of CasADi on one or two expressions."""
     first, *second = operands
     return type(first).binary(code, first, second[0]) if second else type(first).unary(code, first)
 
@@ -164,5 +164,5 @@ class Instruction(NamedTuple):
     constant: float | None = None
 
     def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Instruction:
-        """Return the instruction with new numbers of its arguments."""
+        """Instruction with new numbers of its arguments."""
         return self if self.operation is None else Instruction(self.operation, tuple([new[x] for x in self.arguments]))

@@ -19,7 +19,7 @@ def c_parts(
     spill: str = "",
     most: int = sys.maxsize,
 ) -> tuple[list[list[str]], int]:
-    """Return C99 statements that evaluate expressions, in parts for functions of their own; they need ``math.h``.
+    """C99 statements that evaluate expressions, in parts for functions of their own; they need ``math.h``.
 
     Compile time is superlinear in the statements of a function.
 
@@ -65,7 +65,7 @@ def _part(
     writes: Sequence[tuple[int, str]],
     sources: Mapping[int, str],
 ) -> list[str]:
-    """Return the C statements of one part: reads, operations, writes."""
+    """C statements of one part: reads, operations, writes."""
     names: dict[int, str] = {}
     lines: list[str] = []
 
@@ -88,7 +88,7 @@ def _part(
 
 
 def literal(value: float) -> str:
-    """Return a number as an operand in C."""
+    """Number as an operand in C."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

@@ -32,7 +32,7 @@ class Program:
 
     @staticmethod
     def of(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
-        """Return the optimised program of expressions, columns, as functions of columns of symbols.
+        """Optimised program of expressions, columns, as functions of columns of symbols.
 
         :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
         :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
@@ -71,7 +71,7 @@ class Program:
 
 
 def _with_reciprocals(original: Program) -> Program:
-    """Return the program with one reciprocal, as slow as four products, in place of several quotients by a number."""
+    """Program with one reciprocal, as slow as four products, in place of several quotients by a number."""
     quotients = Counter(node.arguments[1] for node in original.nodes if node.operation == ca.OP_DIV)
     nodes: list[Instruction] = []
     new: list[int] = []
@@ -91,7 +91,7 @@ def _with_reciprocals(original: Program) -> Program:
 
 
 def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> Program:
-    """Return the program of the nodes that outputs depend on, entries of inputs and constants first."""
+    """Program of the nodes that outputs depend on, entries of inputs and constants first."""
     used = {number for entries in outputs for number in entries}
     for number in reversed(range(len(nodes))):
         if number in used and nodes[number].operation is not None:
@@ -104,5 +104,5 @@ def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> P
 def _renumbered(
     outputs: Sequence[Sequence[int]], new: Sequence[int] | Mapping[int, int]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return outputs with the new numbers of nodes."""
+    """Outputs with the new numbers of nodes."""
     return tuple(tuple(new[number] for number in entries) for entries in outputs)

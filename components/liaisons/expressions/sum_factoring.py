@@ -37,7 +37,7 @@ class Expansions:
     _factors: dict[int, Monomial] = field(default_factory=dict)
 
     def shortened_sum(self, first: ScaledNode, second: ScaledNode) -> list[tuple[float, Monomial]] | None:
-        """Return the scaled products of a sum if they are fewer than the terms of both nodes; else None."""
+        """Scaled products of a sum if they are fewer than the terms of both nodes; else None."""
         terms = [(outer * inner, number) for outer, number in (first, second) for inner, number in self.terms(number)]
         if len(terms) > _MOST_TERMS:
             return None
@@ -51,14 +51,14 @@ class Expansions:
         return [(scale, product) for product, scale in left.items()] if len(left) < len(terms) else None
 
     def terms(self, number: int) -> tuple[ScaledNode, ...]:
-        """Return the terms of a node as a sum; itself if there are too many."""
+        """Terms of a node as a sum; itself if there are too many."""
         if number not in self._terms:
             terms = self._split_into_terms(number)
             self._terms[number] = terms if len(terms) <= _MOST_TERMS else ((1.0, number),)
         return self._terms[number]
 
     def _split_into_terms(self, number: int) -> tuple[ScaledNode, ...]:
-        """Return the terms of a node as a sum."""
+        """Terms of a node as a sum."""
         node = self.nodes[number]
         if node.operation in (ca.OP_ADD, ca.OP_SUB):
             first, second = (self.terms(argument) for argument in node.arguments)
@@ -70,7 +70,7 @@ class Expansions:
         return ((1.0, number),)
 
     def factors(self, number: int) -> Monomial:
-        """Return the factors of a node as a product; itself if there are too many."""
+        """Factors of a node as a product; itself if there are too many."""
         if number not in self._factors:
             node, factors = self.nodes[number], (number,)
             if node.operation in (ca.OP_MUL, ca.OP_SQ):
@@ -79,7 +79,7 @@ class Expansions:
         return self._factors[number]
 
     def product_factors(self, first: int, second: int) -> Monomial:
-        """Return the factors of the product of two nodes."""
+        """Factors of the product of two nodes."""
         return tuple(sorted(self.factors(first) + self.factors(second)))
 
     def _cancel_expanded(self, left: dict[Monomial, float]) -> bool:
@@ -113,7 +113,7 @@ class Expansions:
         return False
 
     def _has_square_of_cosine(self, product: Monomial, rest: Monomial, angle: tuple[int, ...]) -> bool:
-        """Return whether a product is the rest times cos² of the angle."""
+        """Whether a product is the rest times cos² of the angle."""
         remaining = Counter(product)
         remaining.subtract(rest)
         squares = [factor for factor, count in remaining.items() if count]
@@ -123,6 +123,6 @@ class Expansions:
 
 
 def _without(product: Monomial, factor: int) -> Monomial:
-    """Return the product without one of its factors."""
+    """Product without one of its factors."""
     index = product.index(factor)
     return product[:index] + product[index + 1 :]

@@ -47,15 +47,15 @@ class Builder:
         }
 
     def entry(self, column: int, row: int) -> ScaledNode:
-        """Return the node of an entry of an input."""
+        """Node of an entry of an input."""
         return 1.0, self._add_node(Instruction(None, (column, row)))
 
     def constant(self, value: float) -> ScaledNode:
-        """Return the node of a constant."""
+        """Node of a constant."""
         return 1.0, self._add_node(Instruction(None, (), float(value)))
 
     def node_number(self, scaled: ScaledNode) -> int:
-        """Return the number of the node with the value of a scaled node, added if there is none."""
+        """Number of the node with the value of a scaled node, added if there is none."""
         scale, core = scaled
         if scale == 1:
             return core
@@ -69,7 +69,7 @@ class Builder:
         return self._add_operation(ca.OP_MUL, core, self.constant(scale)[1])
 
     def perform(self, code: int, arguments: Sequence[ScaledNode]) -> ScaledNode:
-        """Return the simplified result of CasADi's operation of a code.
+        """Simplified result of CasADi's operation of a code.
 
         :raises ComponentError: for an operation that has no counterpart in C.
         """
@@ -86,7 +86,7 @@ class Builder:
         return 1.0, self._add_operation(code, *map(self.node_number, arguments))
 
     def _with_bounded_scale(self, number: ScaledNode) -> ScaledNode:
-        """Return the same value with a scale that is a power of two, and bounded: else with 1, in a node of its own."""
+        """Same value with a scale that is a power of two, and bounded: else with 1, in a node of its own."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
             return number
@@ -121,7 +121,7 @@ class Builder:
         return scale / other, self._add_operation(ca.OP_DIV, x, y)
 
     def _hypotenuse(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """Return √(x² + y²), five times as fast as ``hypot``, but subject to overflow."""
+        """√(x² + y²), five times as fast as ``hypot``, but subject to overflow."""
         squares = self._sum(self._product(first, first), self._product(second, second))
         return 1.0, self._add_operation(ca.OP_SQRT, self.node_number(squares))
 
@@ -136,7 +136,7 @@ class Builder:
         return self._two_term_sum(first, second) if products is None else self._sum_of_products(products)
 
     def _two_term_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """Return the sum of two scaled nodes as one addition or subtraction, the scale of one of them factored out."""
+        """Sum of two scaled nodes as one addition or subtraction, the scale of one of them factored out."""
         if abs(second[0]) == 1:  # a scale of one is put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
@@ -150,7 +150,7 @@ class Builder:
         return abs(scale), self._add_operation(ca.OP_SUB, plus, minus)
 
     def _sum_of_products(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
-        """Return the sum of scaled products, added in their order."""
+        """Sum of scaled products, added in their order."""
         total = self.constant(0.0)
         for scale, product in products:
             inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))
@@ -169,7 +169,7 @@ class Builder:
         return 1.0, self._add_operation(ca.OP_POW, self.node_number(base), self.node_number(exponent))
 
     def _integer_power(self, base: ScaledNode, exponent: int) -> ScaledNode:
-        """Return a power by repeated squaring."""
+        """Power by repeated squaring."""
         if exponent == 1:
             return base
         half = self._integer_power(base, exponent // 2)

@@ -35,7 +35,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_member(path: Path, name: str) -> bytes | None:
-    """Return the content of a member of an archive; None if archive or member is missing or damaged."""
+    """Content of a member of an archive; None if archive or member is missing or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.read(name)
@@ -44,7 +44,7 @@ def read_member(path: Path, name: str) -> bytes | None:
 
 
 def _zip_info(name: str) -> zipfile.ZipInfo:
-    """Return the zip header of a member, the same on every machine."""
+    """Zip header of a member, the same on every machine."""
     entry = zipfile.ZipInfo(name, _EARLIEST)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.create_system = 3  # Unix, wherever it is written

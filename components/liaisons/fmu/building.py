@@ -112,7 +112,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 
 @lru_cache(maxsize=128)
 def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
-    """Return the source files of an FMU with a placeholder for the guid, by name."""
+    """Source files of an FMU with a placeholder for the guid, by name."""
     return source_files(model, _NO_GUID, fmi, arrays=arrays)
 
 
@@ -134,7 +134,7 @@ def _native_remedy() -> str:
 
 
 def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
-    """Return the members with the guid, a hash of them and of the compiler's flags, in place of the placeholder."""
+    """Members with the guid, a hash of them and of the compiler's flags, in place of the placeholder."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
@@ -144,5 +144,5 @@ def _with_guid_and_provenance(members: dict[str, bytes], model: Model) -> dict[s
 
 
 def _is_current(path: Path, members: dict[str, bytes], *compared: str) -> bool:
-    """Return whether an archive has the same model description, and the same content of the members to be compared."""
+    """Whether an archive has the same model description, and the same content of the members to be compared."""
     return all(read_member(path, name) == members[name] for name in (DESCRIPTION, *compared))

@@ -49,7 +49,7 @@ _FMI_FILES = ("fmi2.c", "fmi_common.c", "starts.c")
 
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> dict[str, bytes]:
-    """Return the files from which an FMU is compiled, generated ones and the runtime, by name.
+    """Files from which an FMU is compiled, generated ones and the runtime, by name.
 
     :param guid: that of the model description, which the binary checks.
     :param arrays: False: in FMI 3.0, too, value references stand for numbers.
@@ -80,7 +80,7 @@ class Core:
 
     @classmethod
     def of(cls, model: Model) -> Core:
-        """Return the core of a model."""
+        """Core of a model."""
         files = source_files(model, "", "2").items()
         own = {name: text for name, text in files if name.endswith((".c", ".h")) and name not in _FMI_FILES}
         names = (element.name for variable in model.variables for element in variable.elements())
@@ -88,7 +88,7 @@ class Core:
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
-    """Return the text of ``model.c``: the functions of the model, then the tables that core.h declares."""
+    """Text of ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
     loops = model.loops.code(coupled_state_count(model), DIFFERENTIATED, adjoint=adjoint) if model.loops else {}
     rates = [] if loops else _rate_functions(model)
@@ -144,7 +144,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
 
 
 def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
-    """Return the functions to be generated as straight code, by their members of ``Model`` in core.h."""
+    """Functions to be generated as straight code, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
         "outputs_function": _with_margin(model, (model.table or model).outputs_function),  # of rows of a table
@@ -166,7 +166,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
 
 
 def _booking_statements(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
-    """Return C statements, by member, of functions that book energy or work: they take the number from the outputs.
+    """C statements, by member, of functions that book energy or work: they take the number from the outputs.
 
     Empty unless the outputs are large: their code and its derivatives are not repeated.
     """
@@ -202,7 +202,7 @@ def _booking_statements(model: Model, members: Mapping[str, ca.Function]) -> dic
 
 
 def _with_one_result(function: ca.Function) -> ca.Function:
-    """Return the function with its results stacked in one column."""
+    """Function with its results stacked in one column."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
 
@@ -213,7 +213,7 @@ def _with_one_result(function: ca.Function) -> ca.Function:
 def _table_row_functions(
     model: Model, members: Mapping[str, ca.Function], rates: Iterable[tuple[ca.Function, ca.Function]]
 ) -> dict[str, ca.Function]:
-    """Return the functions whose parameters are rows of a table, by the names of the C functions that call them."""
+    """Functions whose parameters are rows of a table, by the names of the C functions that call them."""
     if model.table is None:
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
@@ -228,7 +228,7 @@ def _table_row_functions(
 
 
 def _lookup_definitions(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """Return C definitions of functions that look rows of a table up, and call the functions of rows."""
+    """C definitions of functions that look rows of a table up, and call the functions of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -247,7 +247,7 @@ def _lookup_definitions(model: Model, row_functions: Mapping[str, ca.Function]) 
 
 
 def _table_declarations(model: Model) -> list[str]:
-    """Return C declarations of the sizes of a table, and the inclusion of knots.h."""
+    """C declarations of the sizes of a table, and the inclusion of knots.h."""
     if model.table is None:
         return []
     table, lookups = model.table, model.table.lookups
@@ -268,7 +268,7 @@ def _table_declarations(model: Model) -> list[str]:
 
 
 def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
-    """Return functions of the rates of all states and of the coupled states, a pair for each of :data:`_ACTIVITIES`.
+    """Functions of the rates of all states and of the coupled states, a pair for each of :data:`_ACTIVITIES`.
 
     They lack the terms of inputs that are 0 then; functions of CasADi's maps do not.
     """
@@ -301,13 +301,13 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _is_guarded(model: Model) -> bool:
-    """Return whether rates and outputs say how far constraints, which something drives, are from losing rank."""
+    """Whether rates and outputs say how far constraints, which something drives, are from losing rank."""
     straight = model.table is None and not model.loops and bool(model.active)
     return straight and model.margin is not None and model.margin.is_a("SXFunction")
 
 
 def _with_margin(model: Model, function: ca.Function) -> ca.Function:
-    """Return a function of (t, y, u, k, ...) with :attr:`Model.margin` as a further result, if it is guarded."""
+    """Function of (t, y, u, k, ...) with :attr:`Model.margin` as a further result, if it is guarded."""
     if not _is_guarded(model) or model.margin is None:
         return function
     arguments = function.sx_in()
@@ -316,7 +316,7 @@ def _with_margin(model: Model, function: ca.Function) -> ca.Function:
 
 
 def _activities_of_inputs(model: Model) -> dict[str, int]:
-    """Return for each input, by name, the key of :data:`_ACTIVITIES` that a value other than 0 needs."""
+    """For each input, by name, the key of :data:`_ACTIVITIES` that a value other than 0 needs."""
     effects = {variable.name: _LOADS if variable.variability == "continuous" else 0 for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
@@ -324,7 +324,7 @@ def _activities_of_inputs(model: Model) -> dict[str, int]:
 
 
 def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
-    """Return (arguments, results, directions) → derivatives of the results, by member of ``Model``.
+    """(arguments, results, directions) → derivatives of the results, by member of ``Model``.
 
     In reverse: (arguments, results, weights) → derivatives of the weighted sum of the results by the arguments.
     """
@@ -351,7 +351,7 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
 
 
 def _densified(vector: Any, sizes: Sequence[int]) -> Any:
-    """Return a vector with all zeros stored.
+    """Vector with all zeros stored.
 
     :param sizes: of its blocks: CasADi tabulates all indices of a vector in which some are stored.
     """
@@ -361,7 +361,7 @@ def _densified(vector: Any, sizes: Sequence[int]) -> Any:
 
 
 def _variable_sizes(model: Model, vector: str) -> list[int]:
-    """Return the number of elements of each variable in a vector of the model."""
+    """Number of elements of each variable in a vector of the model."""
     groups = {"y": state_outputs(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
     if vector in groups:
         return [variable.count for variable in groups[vector]]
@@ -372,7 +372,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 
 
 def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[str, object]:
-    """Return C values of the members of the struct ``Model`` except functions, by name; others are 0."""
+    """C values of the members of the struct ``Model`` except functions, by name; others are 0."""
     numbers = {
         "parameters": scalar_count(model.parameters),
         "inputs": scalar_count(model.inputs),
@@ -402,7 +402,7 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
 
 
 def _contact_result_offsets(contact: ca.Function, contacts: int) -> dict[str, object]:
-    """Return members of ``Model`` that say at which row each result of the contact function begins.
+    """Members of ``Model`` that say at which row each result of the contact function begins.
 
     :param contacts: their number; where redundant ones have factors of G, their product has rows behind the results.
     """
@@ -434,7 +434,7 @@ class _Table(NamedTuple):
 
 
 def _tables(model: Model) -> list[_Table]:
-    """Return all tables; a member without a number of rows is NULL if there are none."""
+    """All tables; a member without a number of rows is NULL if there are none."""
     inputs, row = index_ranges(model.inputs), {variable.name: i for i, variable in enumerate(model.variables)}
     active = []
     for a in model.active:
@@ -483,7 +483,7 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
     index = {v.name: i for i, v in enumerate(model.flat().outputs)}
 
     def loss_slot(name: str) -> int:
-        """Return the slot of the energy that is lost by impacts of a part."""
+        """Slot of the energy that is lost by impacts of a part."""
         part, dot, _ = name.rpartition(".")
         return slot[f"{part}{dot}impact_loss"]
 
@@ -505,14 +505,14 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
 
 
 def _configuration_flags(model: Model) -> list[str]:
-    """Return for each state 1 if it is a coordinate, else 0; nothing where no constraints may lose rank."""
+    """For each state 1 if it is a coordinate, else 0; nothing where no constraints may lose rank."""
     if not _is_guarded(model):
         return []
     return [str(int(e.name in model.configuration)) for v in state_outputs(model) for e in v.elements()]
 
 
 def _reach_initializers(model: Model) -> list[str]:
-    """Return a C initializer for each constraint: its text, and where what is prescribed for it is in ``reach``."""
+    """C initializer for each constraint: its text, and where what is prescribed for it is in ``reach``."""
     rows, first = [], len(model.reaches)
     for reach in model.reaches:
         names = [*map(_c_string, reach.prescribed[:_MOST_NAMED])]
@@ -523,14 +523,14 @@ def _reach_initializers(model: Model) -> list[str]:
 
 
 def _load_impulses(model: Model) -> list[tuple[int, range]]:
-    """Return for each load that has a sum of impulses the first index among the inputs, and those of the sum."""
+    """For each load that has a sum of impulses the first index among the inputs, and those of the sum."""
     inputs = index_ranges(model.inputs)
     pairs = ((indices.start, inputs.get(impulse_name(name))) for name, indices in inputs.items() if "_load" in name)
     return [(load, sums) for load, sums in pairs if sums is not None]
 
 
 def _reaction_initializers(model: Model) -> list[str]:
-    """Return a C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
+    """C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
     if not model.contacts:  # then none does
         return []
     flat = model.flat()
@@ -549,7 +549,7 @@ def _reaction_initializers(model: Model) -> list[str]:
 
 
 def _variable_initializers(model: Model) -> list[str]:
-    """Return a C initializer for each variable."""
+    """C initializer for each variable."""
     variables = (*model.variables, TIME)
     indices, states, activities = (
         index_ranges(variables),
@@ -580,12 +580,12 @@ def _variable_initializers(model: Model) -> list[str]:
 
 
 def _common_start(variable: Variable) -> float:
-    """Return the start value that all elements of a variable have; 0 if they differ."""
+    """Start value that all elements of a variable have; 0 if they differ."""
     return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
 def _element_starts(model: Model) -> list[tuple[int, float]]:
-    """Return index and start value of each element whose start is not the common one of its array."""
+    """Index and start value of each element whose start is not the common one of its array."""
     listed = []
     for variable, indices in zip(model.variables, index_ranges(model.variables).values(), strict=True):
         common = _common_start(variable)  # once: an array may have 100 000 elements
@@ -594,19 +594,19 @@ def _element_starts(model: Model) -> list[tuple[int, float]]:
 
 
 def _initializer(*members: object) -> str:
-    """Return the C initializer of a struct."""
+    """C initializer of a struct."""
     return f"{{{', '.join(map(str, members))}}}"
 
 
 def _c_number(value: float) -> str:
-    """Return a number as a C literal."""
+    """Number as a C literal."""
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
 def _c_string(text: str) -> str:
-    """Return a text as a C string literal."""
+    """Text as a C string literal."""
     return json.dumps(text, ensure_ascii=False)  # its escapes are those of C
 
 
@@ -614,7 +614,7 @@ def _c_string(text: str) -> str:
 
 
 def _fmi_header(name: str) -> bytes:
-    """Return the content of a header of the FMI standard, from FMPy's files.
+    """Content of a header of the FMI standard, from FMPy's files.
 
     :raises BuildError: if it is missing.
     """
@@ -627,7 +627,7 @@ def _fmi_header(name: str) -> bytes:
 
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
-    """Return buildDescription.xml."""
+    """Text of buildDescription.xml."""
     files = (line for name in source_names(fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)

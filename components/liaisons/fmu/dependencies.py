@@ -25,14 +25,14 @@ _LINKS = 12
 
 
 def running_dependencies(model: Model) -> Pattern:
-    """Return which outputs (rows) depend on which of time, states, inputs and parameters (columns), by variables."""
+    """Which outputs (rows) depend on which of time, states, inputs and parameters (columns), by variables."""
     m = _shortened_chain(model)
     groups = {0: (TIME,), 1: state_outputs(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(_with_projection(m, running_outputs(m)), m.outputs, groups)
 
 
 def _with_projection(model: Model, function: ca.Function) -> ca.Function:
-    """Return a function of (t, y, u, k, ...) on redundant constraints next to y, as Model Exchange calculates it."""
+    """Function of (t, y, u, k, ...) on redundant constraints next to y, as Model Exchange calculates it."""
     if not model.redundant or model.project is None:
         return function
     t, y, u, k, *m = function.mx_in()
@@ -41,14 +41,14 @@ def _with_projection(model: Model, function: ca.Function) -> ca.Function:
 
 
 def initial_dependencies(model: Model) -> Pattern:
-    """Return which outputs (rows) depend on which of time, inputs and parameters at initialization, by variables."""
+    """Which outputs (rows) depend on which of time, inputs and parameters at initialization, by variables."""
     m = _shortened_chain(model)
     return _variable_pattern(initial_outputs(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def _shortened_chain(model: Model) -> Model:
-    """Return the model of a chain with few links, which has the same dependencies; any other model as it is."""
+    """Model of a chain with few links, which has the same dependencies; any other model as it is."""
     if not (model.loops and any(variable.dimension for variable in model.outputs)):
         return model
 
@@ -63,14 +63,14 @@ def _shortened_chain(model: Model) -> Model:
 
 
 def initial_outputs(model: Model) -> ca.Function:
-    """Return the function (t, u, k) → outputs at initialization, where states and memory follow from its arguments."""
+    """Function (t, u, k) → outputs at initialization, where states and memory follow from its arguments."""
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
     y, m = _inlined_call(model.start, t, u, k)
     return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))
 
 
 def running_outputs(model: Model) -> ca.Function:
-    """Return the function (t, y, u, k, m) → z, after the sample that may be due."""
+    """Function (t, y, u, k, m) → z, after the sample that may be due."""
     if model.sample is None:
         return model.outputs_function
     arguments = model.sample.sx_in()
@@ -79,7 +79,7 @@ def running_outputs(model: Model) -> ca.Function:
 
 
 def energy_accounts(model: Model) -> list[tuple[int, int, int]]:
-    """Return for each mechanism the index of T + V among the outputs, of work and dissipated energy among the states.
+    """For each mechanism the index of T + V among the outputs, of work and dissipated energy among the states.
 
     None where nothing is prescribed, so that all work is done by forces.
     """
@@ -93,7 +93,7 @@ def energy_accounts(model: Model) -> list[tuple[int, int, int]]:
 
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:
-    """Return the pattern of the Jacobians of the first result by some arguments, side by side."""
+    """Pattern of the Jacobians of the first result by some arguments, side by side."""
     patterns = []
     for sparsity in (function.jac_sparsity(0, argument) for argument in arguments):
         rows, columns = np.array(sparsity.get_triplet(), dtype=int)
@@ -104,13 +104,13 @@ def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_ar
 def _variable_pattern(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
-    """Return which variables of a function's first result depend on which variables of its arguments.
+    """Which variables of a function's first result depend on which variables of its arguments.
 
     :returns: shape (results, all variables of the arguments, side by side).
     """
 
     def variable_indices(variables: Iterable[Variable]) -> NDArray:
-        """Return for each number the index of its variable."""
+        """For each number the index of its variable."""
         counts = [variable.count for variable in variables]
         return np.repeat(np.arange(len(counts)), counts)
 
@@ -122,20 +122,20 @@ def _variable_pattern(
 
 
 def coupled_state_count(model: Model) -> int:
-    """Return the number of coupled states, which stand first: rates depend on them, not on the states behind."""
+    """Number of coupled states, which stand first: rates depend on them, not on the states behind."""
     m, states = _shortened_chain(model), state_outputs(model)
     columns = _variable_pattern(m.derivatives, state_outputs(m), {1: state_outputs(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
 def state_outputs(model: Model) -> tuple[Variable, ...]:
-    """Return the output variables of the states, in the order of y."""
+    """Output variables of the states, in the order of y."""
     named = {variable.name: variable for variable in model.outputs}
     return tuple(named[state.name] for state in model.states)
 
 
 def states_that_jump(model: Model) -> set[str]:
-    """Return names of the states that an impact or a jump of the inputs changes, such as the work."""
+    """Names of the states that an impact or a jump of the inputs changes, such as the work."""
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
     m = _shortened_chain(model)
@@ -146,7 +146,7 @@ def states_that_jump(model: Model) -> set[str]:
 
 
 def event_outputs(model: Model) -> tuple[set[str], set[str]]:
-    """Return the names of the outputs that change at events only, and those of all outputs that depend on them.
+    """Names of the outputs that change at events only, and those of all outputs that depend on them.
 
     Contacts decide them from everything, at an event and at the start.
     """
@@ -161,5 +161,5 @@ def event_outputs(model: Model) -> tuple[set[str], set[str]]:
 
 
 def _inlined_call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
-    """Return the results of a call, inlined if the function is of MX type."""
+    """Results of a call, inlined if the function is of MX type."""
     return list(function.call(list(arguments), function.is_a("MXFunction"), False))

@@ -97,14 +97,14 @@ LOG_CATEGORIES = {
 
 
 def source_names(fmi: Fmi) -> tuple[str, ...]:
-    """Return the names of the C files that are compiled, model.c first."""
+    """Names of the C files that are compiled, model.c first."""
     return (*_SOURCES, f"fmi{fmi}.c")
 
 
 def model_description(
     model: Model, fmi: Fmi = "2", *, guid: str, backend: Backend = "native", arrays: bool = True
 ) -> bytes:
-    """Return modelDescription.xml, the same bytes for the same arguments.
+    """Text of modelDescription.xml, the same bytes for the same arguments.
 
     :param guid: that of the binary, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports of FMI 2.0.
@@ -138,7 +138,7 @@ def _root_children(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
 
 
 def _interfaces(model: Model, fmi: Fmi, backend: Backend) -> dict[str, dict[str, str]]:
-    """Return the attributes of ModelExchange and CoSimulation, by name of the element."""
+    """Attributes of ModelExchange and CoSimulation, by name of the element."""
     if backend == "python":
         return {"CoSimulation": _CO_SIMULATION_IN_PYTHON}
     if fmi == "2":
@@ -181,7 +181,7 @@ def _default_experiment(model: Model) -> Iterator[str]:
 
 
 def _size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
-    """Return the attributes, except start, of the variable of a structural size."""
+    """Attributes, except start, of the variable of a structural size."""
     return {
         "name": size.name,
         "valueReference": str(reference),
@@ -193,7 +193,7 @@ def _size_attributes(size: Dimension, reference: int, causality: str, variabilit
 
 
 def _general_attributes(variable: Variable, reference: int) -> dict[str, str]:
-    """Return the attributes that variables of all types have."""
+    """Attributes that variables of all types have."""
     # min and max include the bounds; a bound that is excluded can only be described.
     domain = f" ({variable.domain()})" if variable.strict else ""
     attributes = {
@@ -209,7 +209,7 @@ def _general_attributes(variable: Variable, reference: int) -> dict[str, str]:
 
 
 def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
-    """Return the attributes that only a real variable has: unit, range, nominal value.
+    """Attributes that only a real variable has: unit, range, nominal value.
 
     :param nominal: where it declares none; 1 is FMI's default.
     """
@@ -227,7 +227,7 @@ def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
 
 
 def _start_attribute(variable: Variable) -> dict[str, str]:
-    """Return the attribute ``start``, if there is a start value; one number stands for all elements of an array."""
+    """Attribute ``start``, if there is a start value; one number stands for all elements of an array."""
     if variable.start is None:
         return {}
     values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
@@ -235,7 +235,7 @@ def _start_attribute(variable: Variable) -> dict[str, str]:
 
 
 def _state_nominals(model: Model) -> dict[str, list[float]]:
-    """Return the nominal values of the states at the default start, by name; 1 for one that is 0 or not finite."""
+    """Nominal values of the states at the default start, by name; 1 for one that is 0 or not finite."""
     u, k = start_vectors(model)
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
@@ -347,7 +347,7 @@ def _dimension_element(size: Dimension, references: Mapping[str, int]) -> Iterat
 
 
 def _value_references(model: Model, fmi: Fmi) -> dict[str, range]:
-    """Return the value references of each variable by name: of its elements in FMI 2.0, one in FMI 3.0."""
+    """Value references of each variable by name: of its elements in FMI 2.0, one in FMI 3.0."""
     first = first_reference(model)
     if fmi == "3":
         return {v.name: range(i, i + 1) for i, v in enumerate((*model.variables, TIME), first)}

@@ -30,7 +30,7 @@ The headers of the FMI standard in sources: BSD-2-Clause, its text stands in the
 
 
 def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return terminals, picture, and what others add, by path in the archive."""
+    """Terminals, picture, and what others add, by path in the archive."""
     picture = {} if model.picture is None else {"resources/picture.json": json.dumps(model.picture, indent=1).encode()}
     return picture | {
         **{name: content for name, content in _members_of_others(model, fmi) if not callable(content)},
@@ -40,7 +40,7 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 
 def drawn_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Return the members that others draw when the file is written; FMI 2.0 has the icon at the root, too."""
+    """Members that others draw when the file is written; FMI 2.0 has the icon at the root, too."""
     drawn = {name: draw() for name, draw in _members_of_others(model, fmi) if callable(draw)}
     return drawn | ({"model.png": drawn[_ICON]} if fmi == "2" and _ICON in drawn else {})
 
@@ -53,7 +53,7 @@ def _members_of_others(model: Model, fmi: Fmi) -> Iterator[tuple[str, bytes | Ca
 
 @cache
 def _licence_text() -> bytes:
-    """Return the text of the licences of the parts of an FMU."""
+    """Text of the licences of the parts of an FMU."""
     distribution = own_distribution()
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
     return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()

@@ -22,7 +22,7 @@ _DECLARATION = "const double "
 
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
-    """Return lines of C that define functions, each name once, and the number of doubles in their work space.
+    """Lines of C that define functions, each name once, and the number of doubles in their work space.
 
     Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler merges sine and cosine of
     one argument.  CasADi prints the rest: maps over the links of a chain, external calls.
@@ -43,13 +43,13 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
 
 
 def _is_printable(function: ca.Function) -> bool:
-    """Return whether all operations of a function are scalar ones that can be printed in straight lines."""
+    """Whether all operations of a function are scalar ones that can be printed in straight lines."""
     printable = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
     return function.is_a("SXFunction") and operation_codes(function) <= printable
 
 
 def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
-    """Return lines of C that define a function of scalar operations, and the number of doubles in its work space."""
+    """Lines of C that define a function of scalar operations, and the number of doubles in its work space."""
     arguments = function.sx_in()
     results = function.call(arguments, True, False)
     clear: list[str] = []
@@ -83,7 +83,7 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
 
 
 def _joined_declarations(lines: Iterable[str]) -> list[str]:
-    """Return statements with successive declarations joined in one."""
+    """Statements with successive declarations joined in one."""
     joined: list[str] = []
     for declares, group in groupby(lines, lambda line: line.startswith(_DECLARATION)):
         if declares:
@@ -94,14 +94,14 @@ def _joined_declarations(lines: Iterable[str]) -> list[str]:
 
 
 def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
-    """Return the first index and the end of each range of entries that are not 0."""
+    """First index and the end of each range of entries that are not 0."""
     edges = [True, *is_zero, True]
     changes = [i for i in range(len(edges) - 1) if edges[i] != edges[i + 1]]
     return list(zip(changes[::2], changes[1::2], strict=True))
 
 
 def function_definition(name: str, statements: Iterable[str]) -> list[str]:
-    """Return lines of C that define a function with these statements, declared as in core.h."""
+    """Lines of C that define a function with these statements, declared as in core.h."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",
         "    int memory) {",

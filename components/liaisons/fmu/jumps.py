@@ -55,7 +55,7 @@ class Jumps:
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def jump_effects(model: Model) -> Jumps:
-    """Return the effects of jumps of prescribed coordinates, from rates at seeded random states.
+    """Effects of jumps of prescribed coordinates, from rates at seeded random states.
 
     Sparsity is not enough: it has terms that cancel.
     """
@@ -85,13 +85,13 @@ def jump_effects(model: Model) -> Jumps:
 
 
 def jump_flags(model: Model) -> list[list[int]]:
-    """Return flags JUMPS and MIXES of core.h, a row and a column for each prescribed number; none if nothing moves."""
+    """Flags JUMPS and MIXES of core.h, a row and a column for each prescribed number; none if nothing moves."""
     effects = jump_effects(model)
     return (np.diag(effects.moves.astype(int)) + 2 * effects.mixes).tolist() if effects.move_states else []
 
 
 def states_moved_by_jumps(model: Model) -> set[str]:
-    """Return names of the states that a jump of a prescribed coordinate moves."""
+    """Names of the states that a jump of a prescribed coordinate moves."""
     effects = jump_effects(model)
     states = index_ranges(state_outputs(model)) if effects.move_states else {}
     return {name for name, indices in states.items() if effects.moved[indices].any()}
@@ -119,7 +119,7 @@ class _Sample:
 
 
 def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
-    """Return seeded random samples of states and inputs that satisfy the conditions of the model."""
+    """Seeded random samples of states and inputs that satisfy the conditions of the model."""
     random = np.random.default_rng(20240229)
     samples: list[_Sample] = []
     lasting = len(model.condition_texts) - model.start_only
@@ -144,13 +144,13 @@ def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
 
 
 def _state_rates(model: Model, vectors: Mapping[str, Any], u: NDArray) -> NDArray:
-    """Return the rates of the states, with contact forces that do not depend on the inputs."""
+    """Rates of the states, with contact forces that do not depend on the inputs."""
     name = "forced_motion" if model.contacts else "derivatives"
     return _to_array(results_of(name, getattr(model, name), {**vectors, "u": u})[0])
 
 
 def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
-    """Return random values of variables near their start values and in their domains."""
+    """Random values of variables near their start values and in their domains."""
     numbers: list[float] = []
     for variable in variables:
         scale = 0.05 if variable.causality == "parameter" else 1.0
@@ -163,5 +163,5 @@ def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]
 
 
 def _to_array(value: ca.DM) -> NDArray:
-    """Return a column of CasADi as an array, shape (n,)."""
+    """Column of CasADi as an array, shape (n,)."""
     return np.array(value, dtype=float).ravel()

@@ -71,25 +71,25 @@ STIFF_SOLVER = Setting(
 
 
 def scalar_count(variables: Iterable[Variable]) -> int:
-    """Return the number of elements of all variables."""
+    """Number of elements of all variables."""
     return sum(variable.count for variable in variables)
 
 
 def index_ranges(variables: Iterable[Variable]) -> dict[str, range]:
-    """Return the indices of each variable's elements in a vector of all of them, by name."""
+    """Indices of each variable's elements in a vector of all of them, by name."""
     counts = {variable.name: variable.count for variable in variables}
     ends = accumulate(counts.values())
     return {name: range(end - count, end) for (name, count), end in zip(counts.items(), ends, strict=True)}
 
 
 def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
-    """Return the start values of the inputs, (u,), and of the parameters, (k,)."""
+    """Start values of the inputs, (u,), and of the parameters, (k,)."""
     u, k = (np.array([x for v in variables for x in v.starts]) for variables in (model.inputs, model.parameters))
     return u, k
 
 
 def start_rates(model: Model) -> list[tuple[int, int]]:
-    """Return the indices of the start values of rates that constraints may change, each with that of its rate."""
+    """Indices of the start values of rates that constraints may change, each with that of its rate."""
     if not any("the rate of " in text for text in model.condition_texts):
         return []
     indices = index_ranges(model.variables)
@@ -104,22 +104,22 @@ def start_rates(model: Model) -> list[tuple[int, int]]:
 
 
 def memory_index(model: Model, name: str) -> int:
-    """Return the memory index of a variable, of an array that of its first element; -1 if it has none."""
+    """Memory index of a variable, of an array that of its first element; -1 if it has none."""
     return next((i for i, slot in enumerate(model.memory) if slot in (name, f"{name}[1]")), -1)
 
 
 def size_references(model: Model) -> dict[str, int]:
-    """Return the value references of the structural sizes, by name."""
+    """Value references of the structural sizes, by name."""
     return {size.name: 1 + i for i, size in enumerate(model.dimensions)}
 
 
 def first_reference(model: Model) -> int:
-    """Return the value reference of the first number in FMI 2.0, of the first variable in FMI 3.0."""
+    """Value reference of the first number in FMI 2.0, of the first variable in FMI 3.0."""
     return 1 + len(model.dimensions)
 
 
 def settings_by_reference(model: Model, fmi: Fmi) -> dict[int, Setting]:
-    """Return the settings of a native FMU, such as ``stiff_solver``, by value reference."""
+    """Settings of a native FMU, such as ``stiff_solver``, by value reference."""
     first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
     solvers = [SYMPLECTIC_STEPS, STIFF_SOLVER] * bool(model.states)
     return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + solvers, first))

@@ -22,7 +22,7 @@ def element(name: str, attributes: Mapping[str, str], children: Iterable[str] = 
 
 
 def document(lines: Iterable[str]) -> bytes:
-    """Return the bytes of an XML file from the lines of its root element."""
+    """Bytes of an XML file from the lines of its root element."""
     file = BytesIO(b"")
     file.write(b'<?xml version="1.0" encoding="UTF-8"?>\n')
     for line in lines:

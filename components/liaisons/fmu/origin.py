@@ -23,7 +23,7 @@ _BEFORE = b' generationTool="'
 
 
 def provenance(model: Model) -> dict[str, str]:
-    """Return author, version, licence and date of a model as attributes of its model description.
+    """Author, version, licence and date of a model as attributes of its model description.
 
     They are those of the package that publishes the component.  The date is that of the environment variable
     SOURCE_DATE_EPOCH, else, of a component of liaisons, that of its version.
@@ -43,7 +43,7 @@ def provenance(model: Model) -> dict[str, str]:
 
 
 def with_provenance(description: bytes, model: Model) -> bytes:
-    """Return a model description with the attributes of :func:`provenance` added."""
+    """Model description with the attributes of :func:`provenance` added."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 
@@ -56,7 +56,7 @@ def is_of_catalogue(fmu: Path) -> bool:
 
 
 def _source_date() -> str:
-    """Return the date and time of SOURCE_DATE_EPOCH as text; empty if that is not set."""
+    """Date and time of SOURCE_DATE_EPOCH as text; empty if that is not set."""
     seconds = os.environ.get(_EPOCH, "")
     try:
         return datetime.fromtimestamp(int(seconds), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if seconds else ""

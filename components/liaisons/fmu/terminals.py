@@ -32,7 +32,7 @@ _TEXTS = {
 
 
 def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
-    """Return terminalsAndIcons.xml, the same bytes for the same arguments."""
+    """Text of terminalsAndIcons.xml, the same bytes for the same arguments."""
     ports = model.ports if fmi == "3" else tuple(_scalar_ports(model))
     return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _root_children(ports)))
 

@@ -143,7 +143,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     @classmethod
     def of_size(cls, n: object) -> type[Mechanism]:
-        """Return this mechanism with n elements.
+        """The same mechanism with n elements.
 
         :raises ComponentError: if it has no Size n, or n is no whole number, or too small.
         """

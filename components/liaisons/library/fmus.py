@@ -43,7 +43,7 @@ _owners: dict[tuple[Path, str], str] = {}
 
 
 def catalogue() -> dict[str, type[Component]]:
-    """Return the components of :mod:`liaisons.models` by name, operators last."""
+    """Components of :mod:`liaisons.models` by name, operators last."""
     from liaisons.language import Operator
 
     all_of_them = [_published_component(name) for name in own_components()]
@@ -51,33 +51,33 @@ def catalogue() -> dict[str, type[Component]]:
 
 
 def catalogue_names() -> frozenset[str]:
-    """Return the names of the catalogue's components, without an import."""
+    """Names of the catalogue's components, without an import."""
     return frozenset(own_components())
 
 
 def component_names() -> list[str]:
-    """Return the sorted names of the components in the catalogue and in packages, without an import."""
+    """Sorted names of the components in the catalogue and in packages, without an import."""
     return sorted({name for entries in published_components().values() for name in entries})
 
 
 def is_named(name: object) -> bool:
-    """Return whether the catalogue or a package has a component of this name, without an import."""
+    """Whether the catalogue or a package has a component of this name, without an import."""
     return bool(publishers(name))
 
 
 def is_target(word: object) -> bool:
-    """Return whether a word names a component or an FMU: a name, a class, or the path of a source or an FMU."""
+    """Whether a word names a component or an FMU: a name, a class, or the path of a source or an FMU."""
     name = str(word)
     return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or is_named(name)
 
 
 def is_robot(word: str) -> bool:
-    """Return whether a word names a robot's file, URDF or MJCF."""
+    """Whether a word names a robot's file, URDF or MJCF."""
     return bool(_ROBOT.fullmatch(word))
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start value of each variable of a named component or an FMU; empty for other words."""
+    """Name, causality and start value of each variable of a named component or an FMU; empty for other words."""
     from liaisons.cosim import read_description
 
     try:
@@ -91,7 +91,7 @@ def variables(target: str) -> list[tuple[str, str, str]]:
 
 
 def components(target: Target) -> list[type[Component]]:
-    """Return all components that a name, file or class stands for.
+    """All components that a name, file or class stands for.
 
     :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
@@ -137,7 +137,7 @@ def _components_of_word(target: str) -> list[type[Component]]:
 
 
 def _catalogue_component(name: str) -> type[Component] | None:
-    """Return the catalogue's component of this name, or None; no other one is imported."""
+    """The catalogue's component of this name, or None; no other one is imported."""
     return _published_component(name) if name in own_components() else None
 
 
@@ -168,7 +168,7 @@ def _words(text: str) -> list[str]:
 
 
 def component(target: Target) -> type[Component]:
-    """Return the component that a name, file or class stands for.
+    """Component that a name, file or class stands for.
 
     :raises ProjectError: as :func:`components` does, or if a file has several.
     """
@@ -181,14 +181,14 @@ def component(target: Target) -> type[Component]:
 
 
 def has_size(component: type[Component]) -> bool:
-    """Return whether a component has a structural size n."""
+    """Whether a component has a structural size n."""
     from liaisons.language import Size
 
     return isinstance(getattr(component, "n", None), Size)
 
 
 def model(component: type[Component], **sizes: object) -> Model:
-    """Return the model of a component, with the declared structural size or another one.
+    """Model of a component, with the declared structural size or another one.
 
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
@@ -205,7 +205,7 @@ def model(component: type[Component], **sizes: object) -> Model:
 
 
 def derive(target: Target) -> Equations:
-    """Return the equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` displays them.
+    """Equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` displays them.
 
     :param target: its name, file or class.
     :raises ProjectError: if it names no mechanism, or several.
@@ -262,7 +262,7 @@ def build(
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
-    """Return the path of the FMU of one component, built first if it is missing or out of date.
+    """Path of the FMU of one component, built first if it is missing or out of date.
 
     :param backend: as of :func:`build`.
     :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
@@ -285,7 +285,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
 def build_versions(
     component: type[Component], folder: Path, versions: Iterable[Fmi], sizes: Mapping[str, object], **how: Any
 ) -> list[Path]:
-    """Return the paths of the FMUs of a component, built in some versions of FMI; :func:`reserve_fmu` comes before.
+    """Paths of the FMUs of a component, built in some versions of FMI; :func:`reserve_fmu` comes before.
 
     :param folder: that of the sizes is in it.
     :param how: ``backend``, ``platforms`` and ``arrays`` of :func:`build`.
@@ -297,7 +297,7 @@ def build_versions(
 
 
 def _sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
-    """Return the subfolder for FMUs with these structural sizes, ``n=100``; the folder itself without any."""
+    """Subfolder for FMUs with these structural sizes, ``n=100``; the folder itself without any."""
     return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
@@ -331,12 +331,12 @@ def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
 
 
 def _name_conflict(name: str, origin: str, folder: Path, owner: str) -> str:
-    """Return the message that ``<name>.fmu`` is already the FMU of another component, its owner."""
+    """Message that ``<name>.fmu`` is already the FMU of another component, its owner."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 
 def fmu_file(target: Target) -> Path:
-    """Return the path of an FMU, which is built if the target is a component.
+    """Path of an FMU, which is built if the target is a component.
 
     :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
     """
@@ -360,7 +360,7 @@ def _is_source(name: str) -> bool:
 
 
 def _no_component_message(target: object, text: str) -> str:
-    """Return the message about an object that is no component; of a system it says what systems do instead."""
+    """Message about an object that is no component; of a system it says what systems do instead."""
     from liaisons.cosim import System
 
     if isinstance(target, System):

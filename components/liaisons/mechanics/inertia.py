@@ -148,7 +148,7 @@ def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> _System:
 
 
 def _elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
-    """Return the order of elimination by minimum degree, which has little fill-in, and its cost.
+    """Order of elimination by minimum degree, which has little fill-in, and its cost.
 
     :param pattern: of a symmetric matrix.
     :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.

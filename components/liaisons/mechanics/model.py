@@ -62,7 +62,8 @@ class LookupTable:
     :param conditions: (t, y, u, r) → (c,).
     :param has_events: whether its first column holds the instants of :attr:`Model.events`.
     :param draw: (t, y, u, r) → (next event,), unless these instants are it, or there is none.
-    :param sample: (t, y, u, r, m) → (m,) of what samples; ``events``: (r, t) → (e,).
+    :param sample: (t, y, u, r, m) → (m,) of what samples.
+    :param events: (r, t) → (e,).
     """
 
     columns: int

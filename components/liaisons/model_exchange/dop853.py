@@ -23,13 +23,15 @@ from liaisons.errors import RefusedError
 class InputMotion:
     """Taylor polynomials of inputs, from their values at the start of a step.
 
-    :param orders: order of each derivative; ``rows``: index of its input.
+    :param orders: order of each derivative.
+    :param rows: index of its input.
     :param derivatives: a buffer, and the indices of the derivatives in it.
     :param held: indices of the inputs among the held ones.
     :ivar values: values of the inputs, shape (inputs,).
     :ivar first: values at ``start`` [s].
     :ivar slopes: coefficients of the powers of time, shape (orders,).
-    :ivar read: call that reads the inputs into the values; ``write``: call that sets them.
+    :ivar read: call that reads the inputs into the values.
+    :ivar write: call that sets them.
     """
 
     read: Call
@@ -91,8 +93,8 @@ class Dop853:
     """Explicit solver with error control.
 
     :param code: the library of :func:`library`.
-    :param instance: address of the FMU's instance; ``functions``: those of FMI that set the time and the states, and
-        get the derivatives and the event indicators.
+    :param instance: address of the FMU's instance.
+    :param functions: those of FMI that set the time and the states, and get the derivatives and the event indicators.
     :param signs: event indicators as the caller read them last, shape (indicators,).
     :param tolerance: tolerance relative to states and to their nominal values.
     :ivar states: shape (size,).

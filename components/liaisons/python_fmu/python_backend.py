@@ -44,7 +44,7 @@ held.append(globals())
 
 
 def python_members(model: Model, guid: str) -> dict[str, bytes]:
-    """Return all members of the Python FMU of a model, by path; the same bytes for the same arguments."""
+    """All members of the Python FMU of a model, by path; the same bytes for the same arguments."""
     members = {
         "modelDescription.xml": model_description(model, guid=guid, backend="python"),
         "documentation/externalDependencies.txt": _DEPENDENCIES,
@@ -55,7 +55,7 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
 
 
 def _component_table(model: Model, guid: str) -> bytes:
-    """Return the JSON table that ``python_runtime.component`` reads."""
+    """JSON table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
     active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
     settable, first = model.parameters + model.inputs, first_reference(model) + len(model.parameters)
@@ -113,7 +113,7 @@ def _prescribed_motion_warnings(model: Model) -> list[tuple[int, list[str]]]:
 
 
 def _runtime_members() -> dict[str, bytes]:
-    """Return the files of our slave, by path; a hash in their names keeps FMUs of several versions apart."""
+    """Files of our slave, by path; a hash in their names keeps FMUs of several versions apart."""
     folder = resources.files("liaisons.python_fmu") / "python_runtime"
     sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
     version = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:12]
@@ -126,7 +126,7 @@ def _runtime_members() -> dict[str, bytes]:
 
 
 def _pythonfmu_members(identifier: str) -> dict[str, bytes]:
-    """Return the files of pythonfmu by path: its package, and its binaries for all platforms."""
+    """Files of pythonfmu by path: its package, and its binaries for all platforms."""
     import pythonfmu
 
     folder = Path(pythonfmu.__file__).parent

@@ -53,14 +53,14 @@ _LARGEST = 1.7976931348623157e308
 
 
 def allowed_range(variable: Variable) -> tuple[float, float]:
-    """Return the least and the largest number that a variable may have; both are allowed."""
+    """Least and the largest number that a variable may have; both are allowed."""
     low = -_LARGEST if variable.minimum is None else variable.minimum
     high = _LARGEST if variable.maximum is None else variable.maximum
     return (math.nextafter(low, math.inf), math.nextafter(high, -math.inf)) if variable.strict else (low, high)
 
 
 def initial_numbers(model: Model) -> dict[str, list[float]]:
-    """Return the start values of all numbers of an instance, by the names above."""
+    """Start values of all numbers of an instance, by the names above."""
     inputs, zero = [variable.starts[0] for variable in model.inputs], [0.0]
     states, prescribed = zero * model.start.numel_out(0), zero * len(model.active)
     return {
@@ -85,7 +85,7 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
 
 
 def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
-    """Return functions of all numbers that return all numbers, some of them changed; by name.
+    """Functions of all numbers that return all numbers, some of them changed; by name.
 
     :param model: without arrays.
     :param active: for each active coordinate the indices of σ, σ̇, σ̈ among the inputs.
@@ -126,7 +126,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
 
 
 def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
-    """Return the function (x, H, mode, u at start, u at end) → u at x, a time since the start of the step."""
+    """Function (x, H, mode, u at start, u at end) → u at x, a time since the start of the step."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
     tau, interpolates = x / H, mode == _INTERPOLATE
@@ -146,7 +146,7 @@ def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
 def _motion_rates(
     model: Model, n: SimpleNamespace, inputs: ca.Function, active: list[list[int]]
 ) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """Return the function (x, y) → dy/dt inside a step; NaN outside of a domain.
+    """Function (x, y) → dy/dt inside a step; NaN outside of a domain.
 
     Time is kept between the earliest and the latest, that is on one side of an event.  Work is done along σ and σ̇ of
     the step: power is that along σ̇ and σ̈, by which σ and σ̇ do not move in mode 0; see ``core_correct_work``.
@@ -176,7 +176,7 @@ def _motion_rates(
 
 
 def _advance(model: Model, n: SimpleNamespace, inputs: ca.Function, active: list[list[int]]) -> dict[str, ca.MX]:
-    """Return expressions of an internal step, and how far it leaves the constraints."""
+    """Expressions of an internal step, and how far it leaves the constraints."""
     step = _runge_kutta_step(n, _motion_rates(model, n, inputs, active))
     if model.reach is None:
         return step
@@ -186,7 +186,7 @@ def _advance(model: Model, n: SimpleNamespace, inputs: ca.Function, active: list
 
 
 def _reach(model: Model, n: SimpleNamespace, inputs: ca.Function) -> dict[str, ca.MX]:
-    """Return expressions of what the trial leaves of the constraints at x, and of the next one, which is projected."""
+    """Expressions of what the trial leaves of the constraints at x, and of the next one, which is projected."""
     if model.reach is None or model.project is None:
         return {}
     point = n.t + n.x, n.trial, inputs(n.x, n.H, n.mode, n.u, n.target), n.k
@@ -194,7 +194,7 @@ def _reach(model: Model, n: SimpleNamespace, inputs: ca.Function) -> dict[str, c
 
 
 def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
-    """Return expressions of the next y and of its error by a step of the pair of Dormand and Prince."""
+    """Expressions of the next y and of its error by a step of the pair of Dormand and Prince."""
     slopes, y = rates(n.x, n.y), n.y
     for part, row in zip([*RK45.C[1:], 1], [*RK45.A[1:], RK45.B], strict=True):
         y = n.y + n.h * ca.mtimes(slopes, ca.DM(row[: slopes.shape[1]]))
@@ -211,7 +211,7 @@ def _mismatch_and_jump(
     n: SimpleNamespace,
     active: list[list[int]],
 ) -> dict[str, ca.MX]:
-    """Return expressions of the mismatch of σ and its rates over a step, and of the jump that follows from it."""
+    """Expressions of the mismatch of σ and its rates over a step, and of the jump that follows from it."""
     if not active:
         return {"target": n.given}
     values, rates, accelerations = map(list, zip(*active, strict=True))
@@ -246,7 +246,7 @@ def _mismatch_and_jump(
 
 
 def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """Return the function (x, y) → dy/dx along a jump of σ to u, 0 <= x <= 1."""
+    """Function (x, y) → dy/dx along a jump of σ to u, 0 <= x <= 1."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
     count, jump = coupled_state_count(model), n.jump
 

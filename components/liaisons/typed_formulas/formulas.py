@@ -41,7 +41,7 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """Return the CasADi expression of a formula.
+    """CasADi expression of a formula.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
     :raises FormulaError: for an error in it; with its position, and the nearest name.
@@ -73,7 +73,7 @@ class _RefusedError(Exception):
 
 
 def _error_at(text: str, column: int, words: str) -> FormulaError:
-    """Return an error that names the position in a formula."""
+    """Error that names the position in a formula."""
     return FormulaError(f"{shown(text)}, at character {column + 1}: {words}")
 
 
@@ -85,7 +85,7 @@ class _Reader:
     functions: Mapping[str, Callable[..., ca.SX]]
 
     def read(self, node: ast.expr, depth: int) -> ca.SX:
-        """Return the expression of a node of the tree."""
+        """Expression of a node of the tree."""
         if depth > _DEEPEST:
             raise _RefusedError(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
         match node:
@@ -110,7 +110,7 @@ class _Reader:
         raise _RefusedError(node, f"only numbers, names, brackets, + - * / ** and {', '.join(self.functions)}")
 
     def _symbol(self, node: ast.expr, name: str) -> ca.SX:
-        """Return the symbol or constant of a name."""
+        """Symbol or constant of a name."""
         if name in self.functions:
             raise _RefusedError(node, f"{name} is a function: write {name}(...)")
         if name in CONSTANTS:

@@ -7,7 +7,7 @@ from liaisons.typed_formulas.time_functions import pulse_instants, time_function
 
 
 def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0) -> Signal:
-    """Return the function of time that a formula describes, with its first and second derivatives.
+    """Function of time that a formula describes, with its first and second derivatives.
 
     ``simulate("Pendulum", inputs={"length": formula_signal("1 + 0.1*sin(5*t)")})``
 

@@ -50,7 +50,7 @@ class LoopFusion:
                     self._add_carry(inlined)
 
     def inlined(self, expression: ca.SX) -> ca.SX:
-        """Return an expression in which definitions are replaced by their expressions."""
+        """Expression in which definitions are replaced by their expressions."""
         return substituted(expression, self.definitions)
 
     def assign_loop(self, expression: ca.SX) -> FusedLoop:
@@ -74,12 +74,12 @@ class LoopFusion:
         self._first |= dict.fromkeys(keys(carry.last), index + 1)
 
     def _earliest_index(self, expression: ca.SX) -> int:
-        """Return the index of the first loop in which all symbols of an expression are available."""
+        """Index of the first loop in which all symbols of an expression are available."""
         return max((self._first.get(symbol, 0) for symbol in keys(expression)), default=0)
 
 
 def is_cheap_by_neighbours(program: RowProgram) -> bool:
-    """Return whether each carried value is a cheap expression of arguments and of values at the neighbouring link."""
+    """Whether each carried value is a cheap expression of arguments and of values at the neighbouring link."""
     available = {symbol for vector in program.arguments for symbol in keys(vector.entries)}
     definitions: list[tuple[ca.SX, ca.SX]] = []
     for step in program.steps:
@@ -95,6 +95,6 @@ def is_cheap_by_neighbours(program: RowProgram) -> bool:
 
 
 def _is_cheap(expressions: ca.SX) -> bool:
-    """Return whether expressions consist of sums, products and quotients."""
+    """Whether expressions consist of sums, products and quotients."""
     function = ca.Function("expressions", ca.symvar(expressions), [expressions])
     return operation_codes(function) <= _CHEAP

@@ -48,7 +48,7 @@ class LoopPlan:
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
     def renumbered(self, new: Sequence[int]) -> LoopPlan:
-        """Return the plan with each number x replaced by ``new[x]``."""
+        """Plan with each number x replaced by ``new[x]``."""
         return LoopPlan(
             self.inward,
             self.links,
@@ -101,12 +101,12 @@ class LoopPlans:
             self._assign_work_space({node_of[number] for number in named_numbers})
 
     def leaf(self, number: int) -> Leaf | None:
-        """Return the leaf that a node reads; None for an operation or a constant."""
+        """Leaf that a node reads; None for an operation or a constant."""
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
     def needed_nodes(self, targets: Iterable[int], stored: Container[int]) -> tuple[set[int], set[int]]:
-        """Return the nodes that each link calculates for its targets, and the stored nodes that it reads."""
+        """Nodes that each link calculates for its targets, and the stored nodes that it reads."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
@@ -120,7 +120,7 @@ class LoopPlans:
         return needed, read
 
     def stored_arrays(self, index: int) -> list[tuple[str, int]]:
-        """Return names of the arrays in work space that a loop writes, with the numbers of the nodes in them."""
+        """Names of the arrays in work space that a loop writes, with the numbers of the nodes in them."""
         return [(array, number) for number, (array, since) in self.kept.items() if since == index]
 
     # ---- numbering ------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class LoopPlans:
                 yield f"result[{index}][{offset}]", entry
 
     def _loop_plan(self, index: int, loop: FusedLoop) -> LoopPlan:
-        """Return the plan of a loop, whose numbers are those of expressions."""
+        """Plan of a loop, whose numbers are those of expressions."""
         symbols, last, starts, following = (
             [x for carry in loop.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
@@ -178,7 +178,7 @@ class LoopPlans:
         return len(self._expressions) - 1
 
     def _expression_at(self, expression: ca.SX, link: AtLink) -> ca.SX:
-        """Return an expression with symbols of arrays and neighbours replaced by those of a link."""
+        """Expression with symbols of arrays and neighbours replaced by those of a link."""
         pairs = []
         for symbol in ca.symvar(expression):
             name = key(symbol)
@@ -194,7 +194,7 @@ class LoopPlans:
         return substituted(expression, pairs)
 
     def _carried_value(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
-        """Return the expression of a carried value at a link: of the link before, or of the start."""
+        """Expression of a carried value at a link: of the link before, or of the start."""
         moving, offset = link
         before = offset + 1 if carry.inward else offset - 1
         if moving:
@@ -237,5 +237,5 @@ class LoopPlans:
 
 
 def operands(node: Instruction) -> tuple[int, ...]:
-    """Return the numbers of the nodes that are operands of an operation; none of a leaf."""
+    """Numbers of the nodes that are operands of an operation; none of a leaf."""
     return node.arguments if node.operation is not None else ()

@@ -34,7 +34,7 @@ _LONGEST = 80  # characters of an expression without a name
 
 
 def loops_code(program: RowProgram) -> Code:
-    """Return the C function of a program; :data:`PREAMBLE` has to stand before it."""
+    """C function of a program; :data:`PREAMBLE` has to stand before it."""
     writer = _Writer(LoopPlans(program))
     lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop_statements(index)]
     for target, number in writer.plans.ends:
@@ -70,7 +70,7 @@ class _Writer:
         return statements
 
     def scalar_operand(self, number: int) -> str:
-        """Return the C text of a node outside of loops; adds statements that define it to the pending ones."""
+        """C text of a node outside of loops; adds statements that define it to the pending ones."""
         nodes, ahead, needed = self.plans.nodes, [number], set()
         while ahead:
             i = ahead.pop()
@@ -87,7 +87,7 @@ class _Writer:
         return self._texts[number]
 
     def loop_statements(self, index: int) -> list[str]:
-        """Return the statements of a loop and those before it: operands, edges and starts."""
+        """Statements of a loop and those before it: operands, edges and starts."""
         plan = self.plans.plans[index]
         lines = [f"{target} = {_without_brackets(self.scalar_operand(x))};" for target, x in plan.edges]
         lines += [
@@ -99,7 +99,7 @@ class _Writer:
         return [*self.pop_pending(), *lines, *loop]
 
     def _for_statement(self, index: int, plan: LoopPlan) -> list[str]:
-        """Return the lines of the ``for`` statement of a loop."""
+        """Lines of the ``for`` statement of a loop."""
         link = _Link(self, index, plan)
         body = link.lines
         body += [
@@ -153,7 +153,7 @@ class _Link:
             self._texts[number] = text
 
     def operand(self, number: int) -> str:
-        """Return the C text of a node in the loop."""
+        """C text of a node in the loop."""
         leaf = self._writer.plans.leaf(number)
         if number in self._texts:
             return self._texts[number]
@@ -163,9 +163,10 @@ class _Link:
 
 
 def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
-    """Return how often each node is used.
+    """How often each node is used.
 
-    :param once: further uses; ``several``: uses in a loop, which count twice.
+    :param once: further uses.
+    :param several: uses in a loop, which count twice.
     """
     uses = Counter([*once, *several, *several])
     for node in nodes:
@@ -176,7 +177,7 @@ def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iter
 
 
 def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
-    """Return the C text of an operation, in brackets, or of a constant."""
+    """C text of an operation, in brackets, or of a constant."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
     pattern = OPERATIONS[node.operation]
@@ -185,10 +186,10 @@ def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
 
 
 def _without_brackets(text: str) -> str:
-    """Return C text without the brackets around it."""
+    """C text without the brackets around it."""
     return text[1:-1] if text.startswith("(") else text
 
 
 def _is_short(text: str) -> bool:
-    """Return whether C text is a name or a number."""
+    """Whether C text is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()

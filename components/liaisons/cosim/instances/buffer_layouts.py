@@ -30,8 +30,10 @@ class BufferLayout:
 
     :param base: type of the variables as in names of FMI functions.
     :param references: value references of the variables, in FMI 3.0 each once.
-    :param c_type: type of an element; ``size``: number of elements.
-    :param scalars: indices of the scalars in the call; ``positions``: their indices in the buffer.
+    :param c_type: type of an element.
+    :param size: number of elements.
+    :param scalars: indices of the scalars in the call.
+    :param positions: their indices in the buffer.
     """
 
     base: str

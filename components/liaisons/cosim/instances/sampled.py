@@ -24,8 +24,10 @@ from liaisons.errors import SimulationError
 class _State:
     """State of the instance at an instant.
 
-    :ivar before: outputs and state of the function before the last sample; ``after``: after it.
-    :ivar last: instant of the last sample [s]; ``last_inputs``: its inputs.
+    :ivar before: outputs and state of the function before the last sample.
+    :ivar after: after it.
+    :ivar last: instant of the last sample [s].
+    :ivar last_inputs: its inputs.
     :ivar is_pending: whether inputs were set after it.
     """
 
