@@ -20,6 +20,7 @@ from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 ROOT = Path(__file__).resolve().parents[1]
+PUBLIC: list[str] = vars(liaisons)["__all__"]
 COMPONENTS = sorted((ROOT / "components/liaisons_catalogue").glob("[!_]*.py"))
 SCENARIOS = sorted((ROOT / "scenarios").glob("[!_]*.py"))
 
@@ -79,7 +80,7 @@ print(len(model.contacts), sorted({loaded}))
 
 
 def test_every_public_name_is_there() -> None:
-    assert {name for name in liaisons.__all__ if getattr(liaisons, name, None) is None} == set()
+    assert {name for name in PUBLIC if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = liaisons.no_such_name  # type: ignore[attr-defined]
 
@@ -88,11 +89,11 @@ def test_what_one_begins_with_fits_on_a_screen() -> None:
     """The other public names are in the groups that ``dir`` shows, or are types of what functions return."""
     shown = dir(liaisons)
     assert len(shown) <= 40
-    assert set(shown) <= set(liaisons.__all__)
+    assert set(shown) <= set(PUBLIC)
     groups = [module for name in shown if inspect.ismodule(module := getattr(liaisons, name))]
     grouped = {name for module in groups for name in getattr(module, "__all__", dir(module))}
     returned = {"Controller", "DisplayedEquations", "LivePage", "Observer", "Plan", "check_fmu"}
-    assert set(liaisons.__all__) - {*shown} - grouped == {"__date__", "formulas", "live", *returned}
+    assert set(PUBLIC) - {*shown} - grouped == {"__date__", "formulas", "live", *returned}
     for name in ("declarations", "joints", "shapes", "signals"):
         module = getattr(liaisons, name)
         assert all(getattr(liaisons, item) is getattr(module, item) for item in module.__all__)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
 from liaisons.errors import SimulationError
+from liaisons.model_exchange import dop853
 from liaisons.results import IncompleteError
 
 HERE = Path(__file__).parent

@@ -14,7 +14,7 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from liaisons import Result, System, Verdict, build, operator, verdict
+from liaisons import Result, System, Verdict, build, fmu_path, operator, verdict
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list, shown
 from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
@@ -23,7 +23,7 @@ from liaisons.base.logs import ignored_warnings
 from liaisons.cosim import DefaultExperiment
 from liaisons.errors import PlanError
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import Target, fmu_file
+from liaisons.library import Target
 from liaisons_catalogue.knotted_motion import KNOTS
 from liaisons_motion.holding.filtering import EstimationModel, Uncertainty, identifier
 from liaisons_motion.holding.subjects import planned_motion, sampled_subject
@@ -272,7 +272,7 @@ class Observer:
             for force in sampled.controls:
                 x = held[force][0]
                 values: dict[str, Any] = {"period": self.model.period, "planned": np.full(KNOTS, x), "next_0": x}
-                part = system.add(f"{self.name}_{force}", fmu_file("ForceRegulator"), **values)
+                part = system.add(f"{self.name}_{force}", fmu_path("ForceRegulator"), **values)
                 system.connect(part["force"], mechanism[force])
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
