@@ -86,13 +86,13 @@ def test_every_public_name_is_there() -> None:
 
 
 def test_what_one_begins_with_fits_on_a_screen() -> None:
-    """The other public names are in the groups that ``dir`` shows, or are types of what functions return, or commands."""
+    """The other public names are in the groups that ``dir`` shows, types of what functions return, or commands."""
     shown = dir(liaisons)
     assert len(shown) <= 40
     assert set(shown) <= set(PUBLIC)
     groups = [module for name in shown if inspect.ismodule(module := getattr(liaisons, name))]
     grouped = {name for module in groups for name in getattr(module, "__all__", dir(module))}
-    returned = {"Controller", "DisplayedEquations", "LivePage", "Observer", "Plan"}
+    returned = {"Controller", "DisplayedEquations", "Examination", "LivePage", "Observer", "Plan"}
     commands = {"check_component", "check_fmu"}
     assert set(PUBLIC) - {*shown} - grouped == {"__date__", "formulas", "live", *returned, *commands}
     for name in ("declarations", "joints", "shapes", "signals"):
