@@ -81,8 +81,9 @@ def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu)
     loads: dict[str, Any] = {suffixed(q.name, "_load"): 1e-290 for q in component.coordinates}
     free, *others = (
         simulate(fmu(component), stop_time=2.0, step_size=0.1, input_reconstruction=HOLD, **start, **more)
-        for more in ({}, moving, loads, moving | loads)
+        for more in ({}, *filter(None, (moving, loads, moving and moving | loads)))  # no run against itself
     )
+    assert others
     energy = float(np.max(np.abs(free["energy"])))
     for name in free.names:
         # Work and balance are differences of energies, of which a crane has 1e6 J: their roundings are the energy's.
