@@ -11,6 +11,7 @@ from liaisons.errors import ComponentError
 from liaisons.language import Mechanism
 from liaisons.models import (
     BouncingBall,
+    CartesianPendulum,
     ChargedParticle,
     CircularHoop,
     FreeParticle,
@@ -38,9 +39,11 @@ def joined(periods: float) -> Any:
     )
 
 
+@pytest.mark.variants(quick=None, core=50)
 @pytest.mark.parametrize(
     ("call", "words"),
     [
+        (lambda: analysis.equilibrium(CartesianPendulum), "CartesianPendulum: an equilibrium needs independent coord"),
         (lambda: analysis.equilibrium(NAME), r"^'Pendulum' is no mechanism; give its class, or derive\('Pendulum'\)$"),
         (
             lambda: analysis.observable(BouncingBall, lambda m: m.height).time_derivative(),

@@ -182,10 +182,10 @@ def test_given_rates_are_kept_and_derivatives_belong_to_the_values() -> None:
     times = np.linspace(0.0, 1.0, 10)
     noise = np.array([1e-3, -1e-3] * 5)
     motion = piecewise_polynomial(knots(times, np.sin(times) + noise, np.cos(times), -np.sin(times)))
-    np.testing.assert_allclose(motion(times, 1), np.cos(times), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(motion(times, 2), -np.sin(times), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion(times, 1), np.cos(times), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(motion(times, 2), -np.sin(times), rtol=0, atol=1e-12)
     h, t = 1e-6, np.array([0.123, 0.456, 0.789])
-    np.testing.assert_allclose((motion(t + h) - motion(t - h)) / (2 * h), motion(t, 1), rtol=1e-7)
+    np.testing.assert_allclose((motion(t + h) - motion(t - h)) / (2 * h), motion(t, 1), rtol=1e-8)
 
 
 def test_pulses_are_looked_at_as_finely_as_they_are_short() -> None:

@@ -183,7 +183,7 @@ def test_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
     (tmp_path / "step.csv").write_text("t,support\n0,0\n0.55,0\n0.55,1\n2,1\n")
     result = simulated("Oscillator", "--set", "x_0=0", "--set", "damping=0", "--input", "step.csv", *WORDS)
     since = np.maximum(result.time - 0.55, 0)
-    np.testing.assert_allclose(result["x"], 1 - np.cos(since), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(result["x"], 1 - np.cos(since), rtol=0, atol=1e-13)
 
 
 def test_a_force_by_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
@@ -192,7 +192,7 @@ def test_a_force_by_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> 
     words = ("--set", "x_0=0", "--set", "damping=0", "--input", "pulse.csv")
     result = simulated("Oscillator", *words, *WORDS)
     on, off = (1 - np.cos(np.maximum(result.time - instant, 0)) for instant in (0.5537, 0.5547))
-    np.testing.assert_allclose(result["x"], 100 * (on - off), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(result["x"], 100 * (on - off), rtol=0, atol=1e-11)
 
 
 def test_several_inputs_and_a_force(simulated: Simulated) -> None:
@@ -243,4 +243,4 @@ def test_an_fmu_of_another_make(simulated: Simulated, tmp_path: Path) -> None:
 
 def test_a_file_of_a_user(simulated: Simulated, bead: Path) -> None:
     result = simulated(f"{bead}:Bead", "--input", "x_force=6*t", *MODE, *WORDS)
-    np.testing.assert_allclose(result["x"], result.time + result.time**3, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(result["x"], result.time + result.time**3, rtol=0, atol=1e-12)

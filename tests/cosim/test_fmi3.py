@@ -193,6 +193,7 @@ def test_failing_step_says_why(row: Path) -> None:
         simulate(row, stop_time=1024, step_size=512)
 
 
+@pytest.mark.variants(core=9)
 @pytest.mark.parametrize(
     ("given", "words"),
     [

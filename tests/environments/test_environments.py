@@ -287,7 +287,7 @@ def test_systems_and_forces() -> None:
     )
     environment.reset()
     seen, *_, information = stepped(environment, [0.5], 10)
-    assert seen == pytest.approx([0.25, 1.0], abs=1e-9)
+    assert seen == pytest.approx([0.25, 1.0], abs=1e-13)
     assert [*information] == ["swing.energy_balance", "other.energy_balance"]
     environment.close()
 
@@ -322,13 +322,13 @@ def test_the_optimum_is_that_of_lq_control() -> None:
     costate = np.linalg.solve(flow[2:, 2:], -flow[2:, :2] @ first)
     optimum = environment.optimum
     assert optimum is environment.optimum
-    assert optimum.cost == pytest.approx(first @ costate, rel=1e-8)
+    assert optimum.cost == pytest.approx(first @ costate, rel=1e-13)
     total = 0.0
     for k in range(100):
         total += environment.step([optimum.sigma(0.02 * (k + 0.5))["pivot_x_ddot"]])[1]
     assert -optimum.cost - total == pytest.approx(0.0, abs=1e-4)  # holding, and the middle of steps: second order
     environment.reset(options={"pivot_x": 0.4})
-    assert environment.optimum.cost == pytest.approx(optimum.cost * (0.6 / 0.8) ** 2, rel=1e-6)
+    assert environment.optimum.cost == pytest.approx(optimum.cost * (0.6 / 0.8) ** 2, rel=1e-13)
     environment.close()
 
 

@@ -240,7 +240,7 @@ def test_experiments_that_show_something_have_references() -> None:
     start = given | {name: column[0] for name, column in motion.items()}
     assert assemble(Satellite).experiment.reference.items() <= start.items()
     rates = np.gradient(motion["wheel_2"], motion["time"])
-    np.testing.assert_allclose(rates[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-8)
+    np.testing.assert_allclose(rates[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-12)
     with pytest.raises(ComponentError, match=r"Satellite: Experiment\(reference=...\): 'wheel_1_dto' .* did you mean"):
         trajectory(replace(assemble(Satellite), experiment=Experiment(reference={"wheel_1_dto": 1.0})))
 

@@ -67,7 +67,7 @@ def test_the_ellipse_holds_points_of_one_probability(fit) -> None:
     drawn = diagram.lines[0].get_xydata() - [fit.values["gravity"], fit.values["length"]]
     covariance = fit.covariance[:2, :2]
     np.testing.assert_allclose(
-        np.einsum("ni,ij,nj->n", drawn, np.linalg.inv(covariance), drawn), chi2.ppf(0.9, 2), rtol=1e-9
+        np.einsum("ni,ij,nj->n", drawn, np.linalg.inv(covariance), drawn), chi2.ppf(0.9, 2), rtol=1e-10
     )
     assert diagram.get_xlabel() == "gravity [m/s2]"
 

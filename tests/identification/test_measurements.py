@@ -171,6 +171,7 @@ def test_arrays_are_named_element_by_element() -> None:
     assert noise_levels({"theta": 0.1, "theta[2]": 0.2}, read).tolist() == [0.1, 0.2]
 
 
+@pytest.mark.variants(core=12)
 @pytest.mark.parametrize(
     ("text", "words"),
     [
