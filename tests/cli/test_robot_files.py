@@ -81,6 +81,30 @@ def test_inertia_is_balanced_if_requested(liaisons: Cli, tmp_path: Path) -> None
     assert (both.slide.maximum, both.block_inertia_zz.start) == (0.5, 2)
 
 
+def test_a_root_moves_freely_and_a_medium_is_left_out_if_requested(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "slider.urdf").write_text(
+        SLIDER.replace(
+            'name="rail"/>',
+            'name="rail"><inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>',
+        )
+    )
+    floating = liaisons("equations", "slider.urdf", "--floating-base")
+    assert floating.status == 0, floating.err
+    assert "m_rail" in floating.out
+    both: Any = components(f"{tmp_path / 'slider.urdf'}:slide:floating-base")[0]
+    assert [s.name for s in both.actives] == ["slide"]
+    assert "floating_base_x" in [q.name for q in both.coordinates]
+    world = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
+    (tmp_path / "swim.xml").write_text(f'<mujoco><option density="9" viscosity="1"/>{world}</mujoco>')
+    refused = liaisons("equations", "swim.xml", "--leave-out", "density")
+    assert is_misuse(refused, "swim.xml: line 1: <option>: viscosity = 1: ", "--leave-out viscosity")
+    listed = liaisons("equations", "swim.xml", "--leave-out", "density, viscosity")
+    assert listed.status == 0, listed.err
+    assert "left out: viscosity of <option>, on request" in listed.err
+    assert is_misuse(liaisons("equations", "swim.xml", "--floating-base"), "floating-base is of URDF files")
+    assert is_misuse(liaisons("equations", "Pendulum", "--leave-out", "density"), "are of a robot's file")
+
+
 def test_misuse(liaisons: Cli) -> None:
     assert is_misuse(liaisons("build", ROBOTS / "ur5.urdf", "--prescribe", "elbo"), "did you mean 'elbow'")
     assert is_misuse(

@@ -67,6 +67,8 @@ def by_differentiation(tree: type[Linkage]) -> type[Linkage]:
 
     def kinetic_energy(m: Any) -> ca.SX:
         total = ca.SX(0)
+        for q in (*m.coordinates, *m.actives):
+            total += m.parameter_or_zero(f"{q.name}_armature") * m.dot(m.symbols[q.name]) ** 2 / 2
         for item in vars(tree).values():
             if not isinstance(item, Body):
                 continue

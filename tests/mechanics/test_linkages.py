@@ -63,6 +63,42 @@ def test_recursion_is_the_derivative_of_the_lagrangian(seed: int) -> None:
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * scale, err_msg=quantity)
 
 
+@pytest.mark.parametrize("prescribed", [(False, True), (True, False), (False, False)])
+def test_armature_and_reference_values_are_those_of_the_lagrangian(prescribed: tuple[bool, bool]) -> None:
+    class Geared(Linkage):
+        arm = Body(1.0, (0.1, 0.2, 0.25), (0.1, 0.2, 0.3))
+        slide = Body(2.0, (0.3, 0.2, 0.25), (0, 0.2, 0.1))
+        hand = Body(1.5, (0.1, 0.3, 0.25), (0.1, 0, 0.3))
+        motor = Revolute(
+            ground, arm, axis="y", armature=0.3, stiffness=2.0, unstressed=0.4, reference=0.2, prescribed=prescribed[0]
+        )
+        rail = Prismatic(arm, slide, axis="x", at=(0, 0.1, 1), armature=0.7, reference=-0.3, prescribed=prescribed[1])
+        wrist = Revolute(slide, hand, axis="z", at=(0.3, 0, 0), armature=0.5, damping=0.2)
+
+    equations, reference = derive(Geared), derive(by_differentiation(Geared))
+    state = random_state(equations, 5)
+    for quantity in QUANTITIES:
+        got, expected = equations.evaluate(quantity, **state), reference.evaluate(quantity, **state)
+        scale = np.abs(expected).max(initial=1e-300)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * scale, err_msg=quantity)  # rounding
+    if prescribed == (False, False):
+        assert equations.evaluate("potential_energy", gravity=0.0, motor=0.9) == pytest.approx(2 / 2 * 0.5**2)
+
+
+@pytest.mark.parametrize(
+    ("joint", "words"),
+    [
+        ({"reference": 0.2}, "reference = 0.2: of one coordinate alone"),
+        ({"unstressed": 0.2}, "unstressed = 0.2: of one coordinate alone"),
+        ({"armature": 0.2}, "armature = 0.2: of coordinates of different kinds"),
+    ],
+)
+def test_what_belongs_to_one_coordinate(joint: dict[str, Any], words: str) -> None:
+    ball = Body(1.0, 1.0)
+    with pytest.raises(ComponentError, match=words):
+        type("Several", (Linkage,), {"__doc__": "", "ball": ball, "free": Free(ground, ball, **joint)})
+
+
 def settings(tree: type[Linkage], seed: int) -> dict[str, Any]:
     """Start rates, and Sinusoids for what is prescribed."""
     rng = np.random.default_rng(seed)
