@@ -22,6 +22,8 @@ from liaisons.errors import RefusedError
 
 _CONSISTENT = 1e-6
 """Residual, in its own unit, from which on an FMU refuses a start; projections leave roundings, 1e-15."""
+_EXTRAPOLATED = 1e-3
+"""The same where inputs are extrapolated, and jump at the end of a step: an FMU follows in the next one."""
 _STEPS = 100
 """Steps of a solver, at least: each, and each communication step, may add the tolerance to the account."""
 _EXCHANGE = 30.0
@@ -74,6 +76,8 @@ class Watchdog:
 
     def _largest_residual(self, part: SystemComponent) -> float:
         """Largest residual that is allowed; an importer's solver keeps constraints by stabilisation only."""
+        if self._simulation.coupling == "jacobi" or part.name in self._simulation.chosen_reconstructions:
+            return _EXTRAPOLATED
         return max(_CONSISTENT, self._tolerance(part)) if part.fmu.is_model_exchange else _CONSISTENT
 
     def _tolerance(self, part: SystemComponent) -> float:
