@@ -778,6 +778,8 @@ def tree_of(p: str = "", s: str = "", o: str = "", kind: str = "hinge") -> str:
 
 TENDONS = """<tendon><fixed name="t"><joint joint="p" coef="2"/><joint joint="s" coef="-1"/></fixed>
     <fixed name="u"><joint joint="o" coef="0.5"/></fixed></tendon>"""
+FOLLOWERS = """<equality><joint name="f" joint1="s" joint2="p" polycoef="0.1 0.5 0.2 0 0.1"/>
+    <joint joint1="o" joint2="p"/></equality>"""
 FEATURES = {
     "reference values": (tree_of('ref="20" range="-30 50"', 'ref="0.3"', 'ref="-15" stiffness="4"'), "", ""),
     "unstressed springs": (tree_of('stiffness="3" springref="25" ref="10"', 'springref="0.2" stiffness="5"'), "", ""),
@@ -797,8 +799,9 @@ FEATURES = {
     "joints that follow": (
         tree_of('ref="20"', 'ref="0.3"'),
         "",
-        '<equality><joint name="f" joint1="s" joint2="p" polycoef="0.1 0.5 0.2 0 0.1"/><joint joint1="o"/></equality>',
+        FOLLOWERS,
     ),
+    "a joint that stays": (tree_of(o='ref="-15"'), "", '<equality><joint joint1="o" polycoef="0.3"/></equality>'),
     "tendons that follow": (
         tree_of('ref="20"', 'ref="0.3"'),
         TENDONS,
