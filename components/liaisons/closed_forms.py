@@ -104,6 +104,11 @@ class ClosedForm(Generic[R]):
         bound.owner = owner
         return bound
 
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of its arguments, apart from the values of the component."""
+        return tuple(name for name in self._signature.parameters if name not in {"at", "component"})
+
     def with_function(self, function: Callable[..., R]) -> ClosedForm[R]:
         """The same conditions and owner with another function of the same parameters."""
         other = ClosedForm(function, self._text, self._conditions)

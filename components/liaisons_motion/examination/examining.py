@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import ast
+import inspect
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from textwrap import dedent
 from time import perf_counter
 from typing import Any, final
 
@@ -14,7 +17,7 @@ from liaisons import Verdict, verdict
 from liaisons.base.arguments import check_positive
 from liaisons.closed_forms import ClosedForm
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError
-from liaisons.language import Component, Mechanism
+from liaisons.language import Component, Friction, Mechanism, Parameter
 from liaisons.library import Target
 from liaisons.library import component as component_of
 from liaisons_motion.examination.motions import EquationsOfMotion
@@ -93,33 +96,29 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
     explained: Sequence[Cause] = ()
     if not isinstance(closed, ClosedForm):
         report.unchecked.append("closed form: none is called exact")
+    elif closed.arguments != ("t",):
+        report.unchecked.append(f"closed form: it takes {', '.join(closed.arguments)}; exact(t, at) is checked")
     elif equations is not None:
         explained = _check_closed_form(declared, closed, equations, report, end)
     return Examination(declared.__name__, tuple(report.verdicts), tuple(explained), tuple(report.unchecked))
 
 
 def _check_declarations(declared: type[Mechanism], report: _Report) -> None:
-    """Each parameter is used: by an energy, a condition, an output or the picture."""
-    mechanism = declared()
-    used = ca.vertcat(*_expressions(mechanism))
-    names = {str(symbol) for symbol in ca.symvar(used)}
-    unused = [p.name for p in mechanism.parameters if getattr(p, "name", "") and not _is_used(p.name, names)]
+    """Each parameter of the class is used by it, outside of its closed form."""
+    try:
+        tree = ast.parse(dedent(inspect.getsource(declared)))
+    except (OSError, TypeError, SyntaxError):
+        report.unchecked.append("declarations: there is no source")
+        return
+    used = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and ast.unparse(n.value) == "self"}
+    used |= {str(n.value) for n in ast.walk(tree) if isinstance(n, ast.Constant)}  # of decorators, by name
+    assigned = {ast.unparse(n.targets[0]) for n in ast.walk(tree) if isinstance(n, ast.Assign)}
+    items = {name: item for name, item in vars(declared).items() if name in assigned}
+    own = [n for n, item in items.items() if isinstance(item, Parameter) and not isinstance(item, Friction)]
+    inherited = {str(symbol) for symbol in ca.symvar(declared().lagrangian())}
+    unused = [name for name in own if name not in used | inherited]
     claim = f"each parameter is used{': ' + ', '.join(unused) + ' not' if unused else ''}"
     report.add(claim, float(len(unused)), 0.0, "a parameter that nothing depends on is forgotten in an energy")
-
-
-def _is_used(name: str, names: set[str]) -> bool:
-    return name in names or any(other.startswith((f"{name}_", f"{name}[")) for other in names)
-
-
-def _expressions(mechanism: Mechanism) -> Iterator[ca.SX]:
-    """All that a mechanism declares, as columns."""
-    yield from (ca.vec(mechanism.lagrangian()), ca.vec(ca.SX(mechanism.friction_coefficient())))
-    yield ca.vec(ca.SX(mechanism.dissipation_function()))
-    yield from (ca.vec(value) for value in mechanism.point_components().values())
-    for kind in ("outputs", "all_constraints", "assertions", "contact_formulas"):
-        for item in getattr(mechanism, kind, ()):
-            yield ca.vec(ca.SX(mechanism.expression_of(item)))
 
 
 def _check_energies(declared: type[Mechanism], report: _Report) -> None:
@@ -132,7 +131,8 @@ def _check_energies(declared: type[Mechanism], report: _Report) -> None:
     symbols = ca.symvar(kinetic)
     evaluate, random = ca.Function("kinetic", symbols, [kinetic]), np.random.default_rng(_SEED)
     starts = mechanism.start_values()
-    rows = [_random_values([str(s) for s in symbols], starts, random) for _ in range(100)]
+    moving = {str(s) for part in (mechanism.free.q, mechanism.active.s) for s in ca.vertsplit(part)}
+    rows = [_random_values([str(s) for s in symbols], starts, moving, random) for _ in range(100)]
     values = np.array([float(evaluate(*row)) for row in rows])
     size = max(float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0)), 1e-300)
     least = float(np.min(values[np.isfinite(values)], initial=0.0))
@@ -140,11 +140,16 @@ def _check_energies(declared: type[Mechanism], report: _Report) -> None:
     report.add("T >= 0", max(0.0, -least / size), 1e-12, reason)
 
 
-def _random_values(names: Sequence[str], starts: dict[str, float], random: np.random.Generator) -> list[float]:
-    """Random rates, and other values near where they start."""
-    near = random.uniform(0.7, 1.3, len(names))
-    anywhere = random.normal(size=len(names))
-    return [float(starts[name] * near[k]) if starts.get(name) else float(anywhere[k]) for k, name in enumerate(names)]
+def _random_values(
+    names: Sequence[str], starts: dict[str, float], moving: set[str], random: np.random.Generator
+) -> list[float]:
+    """Random rates and positions, parameters near their declared values."""
+    near, anywhere = random.uniform(0.7, 1.3, len(names)), random.normal(size=len(names))
+    at_rest = {name for name in moving if not starts.get(name)}
+    return [
+        float(starts[name] * near[k]) if name in starts and name not in at_rest else float(anywhere[k])
+        for k, name in enumerate(names)
+    ]
 
 
 def _check_closed_form(
@@ -154,10 +159,10 @@ def _check_closed_form(
     trials = list[Trial]()
     reason = "rounding 1e-8 of its size, and ten times the error of the integration"
     try:
-        trials += trials_of(equations, closed, equations.declared, _SEED, _TRIALS)
+        trials += trials_of(equations, closed, _SEED, _TRIALS, end)
     except Exception as error:  # noqa: BLE001 - a closed form may raise anything: that is what is found
         if _covers_other_values(error):
-            report.unchecked.append(f"closed form: it covers no values near the declared ones: {error}")
+            report.unchecked.append(f"closed form: it cannot be called with the declared values: {error}")
             return ()
         report.add(f"exact can be evaluated: {type(error).__name__}: {error}", float("inf"), 0.0, "it is called")
         return causes(declared, closed, None, (), end)

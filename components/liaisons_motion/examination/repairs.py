@@ -156,7 +156,7 @@ class _Search:
         if equations is None:
             changed: Any = source.changed()
             fresh = EquationsOfMotion(changed)
-            trials = trials_of(fresh, getattr(changed, closed.__name__), fresh.declared, 0, 2)
+            trials = trials_of(fresh, getattr(changed, closed.__name__), 0, 2)
             return _worst(trial.differences() for trial in trials)
         t = times_of(equations)
         if method == closed.__name__:

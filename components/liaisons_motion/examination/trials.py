@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from time import perf_counter
 from typing import final
 
 import numpy as np
@@ -71,36 +74,53 @@ def solution_of(closed: ClosedForm, values: Mapping[str, float], declared: Mappi
         solution = closed(t, **given)
     if not isinstance(solution, Mapping):
         raise TypeError(f"it returns {type(solution).__name__}; return arrays by the names of variables")
-    arrays = {str(name): np.asarray(value, dtype=float) for name, value in solution.items()}
+    arrays = dict[str, NDArray]()
+    for name, value in solution.items():
+        array = np.asarray(value, dtype=float)
+        rows = {name: array} if array.ndim < 2 else {f"{name}[{k + 1}]": row for k, row in enumerate(array.T)}
+        arrays |= rows
     if wrong := [name for name, value in arrays.items() if value.shape != t.shape]:
         raise TypeError(f"{wrong[0]} has the shape {arrays[wrong[0]].shape} at times of the shape {t.shape}")
     return arrays
 
 
 def trials_of(
-    equations: EquationsOfMotion, closed: ClosedForm, declared: Mapping[str, float], seed: int, count: int
+    equations: EquationsOfMotion, closed: ClosedForm, seed: int, count: int, end: float = math.inf
 ) -> Iterator[Trial]:
-    """Trials at the declared values, and at others that the closed form covers as well.
+    """Trials at values that are declared, and at others that the closed form covers as well.
 
+    :param end: value of ``perf_counter`` after which no further one begins.
     :raises Exception: whatever the closed form raises at the declared values.
     """
-    t, random = times_of(equations), np.random.default_rng(seed)
-    first = solution_of(closed, equations.values, declared, t)
+    t, random, declared = times_of(equations), np.random.default_rng(seed), equations.declared
+    values, first = _first_covered(equations, closed, t)
     if unknown := [name for name in first if name not in equations.outputs]:
         raise TypeError(f"it gives {unknown[0]}, which is no output of the component")
-    yield _trial(equations, equations.values, first, t)
+    yield _trial(equations, values, first, t)
     for _ in range(count):
-        values, solution = dict(equations.values), first
+        other, solution = dict(values), first
         for name in random.permutation(sorted(values)).tolist():
-            other = _other_value(equations, name, values[name], random)
+            value = _other_value(equations, name, values[name], random)
+            if perf_counter() > end:
+                return
             try:
-                candidate = solution_of(closed, values | {name: other}, declared, t)
+                candidate = solution_of(closed, other | {name: value}, declared, t)
             except (ValidityError, LiaisonsError):
                 continue
             if all(np.all(np.isfinite(value)) for value in candidate.values()):
-                values[name], solution = other, candidate
-        if _starts_as_told(trial := _trial(equations, values, solution, t)):
+                other[name], solution = value, candidate
+        if _starts_as_told(trial := _trial(equations, other, solution, t)):
             yield trial
+
+
+def _first_covered(equations: EquationsOfMotion, closed: ClosedForm, t: NDArray) -> tuple[Mapping[str, float], Motion]:
+    """Values of the default experiment, without accelerations or as declared if the closed form covers no others."""
+    declared, values = equations.declared, equations.values
+    even = {name: declared[name] if name.endswith("_ddot") else value for name, value in values.items()}
+    for candidate in (values, even):
+        with suppress(ValidityError):
+            return candidate, solution_of(closed, candidate, declared, t)
+    return declared, solution_of(closed, declared, declared, t)
 
 
 def _trial(equations: EquationsOfMotion, values: Mapping[str, float], solution: Motion, t: NDArray) -> Trial:
