@@ -41,6 +41,7 @@ from .examination import check_component as check_component
 from .formulas import DisplayedEquations as DisplayedEquations
 from .holding import Controller as Controller
 from .holding import Observer as Observer
+from .holding import from_control as from_control
 from .holding import hold as hold
 from .holding import observe as observe
 from .identification import identify as identify

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 
-from liaisons import Controller, hold, observe
+from liaisons import Controller, Plan, from_control, hold, observe, plan, simulate
 from liaisons.errors import LiaisonsError, PlanError
+from liaisons.library import model
+from liaisons.linkages import Body, Linkage, Prismatic, Revolute, ground
 
 from .conftest import verified
 
@@ -188,3 +193,191 @@ def noise_matrices() -> tuple[Floats, Floats]:
 def test_refusals(subject: str, arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(LiaisonsError, match=message):
         hold(subject, {}, step_size=0.01, **arguments)
+
+
+# ---- plans --------------------------------------------------------------------------------------------------------
+
+
+def test_the_least_effort_of_a_linear_mechanism_is_that_of_its_gramian(tmp_path: Path) -> None:
+    motion = plan("Oscillator", controls="x_force", start={"x": 1.0, "x_dot": 0.0}, end={"x": 0.0, "x_dot": 0.0},
+                  duration=2.0, mass=2.0, stiffness=3.0, damping=0.1)  # fmt: skip
+    assert "a mesh of 30 intervals costs the same as one of 20" in verified(motion)
+    A, B, T = np.array([[0, 1 / 2.0], [-3.0, -0.1]]), np.array([[0.0], [1.0]]), 2.0
+    flow = expm(T * np.block([[-A, B @ B.T], [np.zeros((2, 2)), A.T]]))
+    gramian = flow[2:, 2:].T @ flow[:2, 2:]
+    wanted = np.linalg.solve(gramian, -expm(T * A) @ [1.0, 0.0])
+    assert motion.cost == pytest.approx(wanted @ gramian @ wanted, rel=1e-12)
+    t = np.linspace(0, T, 9)
+    force = [float(B[:, 0] @ expm(A.T * (T - s)) @ wanted) for s in t]
+    assert_allclose(motion.sigma(t)["x_force"], force, rtol=0, atol=1e-7)  # polynomials of degree four on 20 intervals
+    assert motion.goal.minimize == "effort"
+    motion.save(tmp_path / "plan.json")
+    assert_array_equal(Plan.load(tmp_path / "plan.json").sigma(t)["x_force"], motion.sigma(t)["x_force"])
+    assert motion.impulse("x_force", T) == pytest.approx(wanted @ np.linalg.solve(A, expm(T * A) - np.eye(2)) @ B[:, 0])
+
+
+def test_a_bounded_force_takes_a_mass_there_in_least_time() -> None:
+    motion = plan("Oscillator", controls=["x_force"], start={"x": 0.0, "x_dot": 0.0}, end={"x": 3.0, "x_dot": 0.0},
+                  duration=(0.5, 10), minimize="time", bounds={"x_force": (-4, 2)}, mass=2.0, stiffness=0)  # fmt: skip
+    forward, back = 2.0 / 2.0, 4.0 / 2.0  # accelerations
+    assert motion.duration == pytest.approx(np.sqrt(2 * 3.0 * (1 / forward + 1 / back)), rel=1e-10)
+    assert motion.switches == pytest.approx([motion.duration * back / (forward + back)], rel=1e-8)
+    assert_allclose(motion.sigma([0.1, motion.duration - 0.1])["x_force"], [2.0, -4.0], rtol=1e-9)
+    end = motion.replay()
+    assert [end["x"][-1], end["x_dot"][-1]] == pytest.approx([3.0, 0.0], abs=1e-9)
+
+
+class CartPole(Linkage):
+    """Cart that a force drives along a rail, with a pole that swings freely."""
+
+    cart = Body(mass=1.0)
+    pole = Body(mass=0.3, inertia=(1e-3, 1e-3, 1e-6), centre=(0, 0, -0.5))
+    rail = Prismatic(ground, cart, axis="x")
+    swing = Revolute(cart, pole, axis="y")
+
+
+def cart_pole_rates(state: Floats, force: float) -> Floats:
+    """Rates of (rail, swing, their rates), by Newton's equations; swing turns the pole towards -x."""
+    M, m, rod, J = 1.0, 0.3, 0.5, 1e-3
+    _, angle, speed, turning = state
+    coupling = -m * rod * np.cos(angle)
+    mass = np.array([[M + m, coupling], [coupling, J + m * rod**2]])
+    forces = [force - m * rod * np.sin(angle) * turning**2, -m * G * rod * np.sin(angle)]
+    return np.append([speed, turning], np.linalg.solve(mass, forces))
+
+
+@pytest.fixture(scope="module")
+def swing_up() -> Plan:
+    return plan(CartPole, controls="rail_force", start={"rail": 0, "swing": 0}, duration=2.0, tries=1,
+                end={"rail": 0, "rail_dot": 0, "swing": np.pi, "swing_dot": 0}, bounds={"rail_force": (-20, 20)},
+                time_limit=400)  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_cart_swings_its_pole_up(swing_up: Plan) -> None:
+    verdicts = swing_up.verify(time_limit=600)
+    assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))
+    replay = swing_up.replay()
+    ends = [replay[name][-1] for name in ("rail", "swing", "rail_dot", "swing_dot")]
+    assert_allclose(ends, [0, np.pi, 0, 0], rtol=0, atol=1e-9)
+    breaks, state = swing_up.solution.trajectory.breaks, np.zeros(4)
+    for begin, end in pairwise(breaks):
+        state = solve_ivp(lambda t, x: cart_pole_rates(x, float(swing_up.sigma(t)["rail_force"])), (begin, end), state,
+                          rtol=1e-11, atol=1e-12).y[:, -1]  # fmt: skip
+    assert_allclose(state, [0, np.pi, 0, 0], rtol=0, atol=1e-7)  # what falls grows by exp(2 s √(3 g/2 l)) on the way
+
+
+@pytest.mark.slow
+def test_a_pole_that_a_cart_swings_up_is_held_there(swing_up: Plan) -> None:
+    held = hold(swing_up, step_size=0.005)
+    assert held.trajectory.after == "rests"
+    assert held.trajectory.motion[0, 0, -1] == pytest.approx(0, abs=1e-9), "upright it needs no force"
+    verified(held)
+    run = held.simulate(6.0, swing_0=0.05)
+    assert abs(run["CartPole.swing"][-1] - np.pi) < 1e-3 > abs(run["CartPole.rail"][-1])
+    assert np.abs(run["CartPole.rail_force"]).max() <= 20
+
+
+class Crane(Linkage):
+    """Trolley that a motor drives along a girder, with friction, and a load on a rope."""
+
+    trolley = Body(mass=400.0)
+    load = Body(mass=1000.0, inertia=(1.0, 1.0, 1.0), centre=(0, 0, -10.0))
+    travel = Prismatic(ground, trolley, axis="x", damping=200.0)
+    rope = Revolute(trolley, load, axis="y")
+
+
+def test_a_crane_brings_its_load_by_a_force_and_holds_it_there() -> None:
+    rest = {"travel_dot": 0, "rope": 0, "rope_dot": 0}
+    motion = plan(Crane, controls="travel_force", start={"travel": 0.0, **rest}, end={"travel": 8.0, **rest},
+                  duration=12.0)  # fmt: skip
+    run = motion.replay()
+    assert [run["travel"][-1], run["rope"][-1]] == pytest.approx([8.0, 0.0], abs=1e-8)
+    momentum = run["travel_dot"] * 400 + 1000 * (run["travel_dot"] - 10 * np.cos(run["rope"]) * run["rope_dot"])
+    t = run.time
+    pushed = motion.impulse("travel_force", t) - 200 * run["travel"]  # what friction takes is 200 times the way
+    assert_allclose(momentum, pushed, rtol=0, atol=1e-5 * momentum.max())  # recorded to the tolerance of a replay
+    held = hold(motion, step_size=0.1)
+    verified(held)
+    assert held.trajectory.after == "repeats", "what is 8 m farther on is where it was, but for the way"
+    end = held.simulate(36.0, rope_0=0.05)
+    assert [end["Crane.travel"][-1], end["Crane.rope"][-1]] == pytest.approx([24, 0], abs=0.01)
+
+
+def test_a_force_is_planned_beside_a_prescribed_motion() -> None:
+    motion = plan("Pendulum", "pivot_x", controls="theta_force", minimize="pivot_x_ddot**2 + theta_force**2",
+                  start={"theta": 0.0, "pivot_x": 0.0}, duration=1.5,
+                  end={"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0})  # fmt: skip
+    verified(motion)
+    assert motion.problem.controls == ("pivot_x_ddot", "theta_force")
+    with pytest.raises(PlanError, match="hold takes no plan of forces beside prescribed motions"):
+        hold(motion)
+    alone = plan("Pendulum", "pivot_x", minimize="pivot_x_ddot**2", start={"theta": 0.0, "pivot_x": 0.0}, duration=1.5,
+                 end={"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0}, tries=1)  # fmt: skip
+    assert motion.cost < alone.cost, "one control more costs no more"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"start": {"theta_force": 1.0}},
+            "Pendulum: start: theta_force is a control, which may have any value at once",
+        ),
+        ({"minimize": "motion"}, "minimize = 'motion' is of moved coordinates; weigh forces by 'effort'"),
+        ({"minimize": "time"}, "minimize = 'time' would take none: bound theta_force"),
+        ({"closed": "thet"}, "closed = 'thet' is no state of the plan"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(PlanError, match=message):
+        plan("Pendulum", controls="theta_force", **{"end": {"theta": 1.0}, "duration": (1.0, 2.0), **arguments})
+
+
+# ---- controllers of python-control --------------------------------------------------------------------------------
+
+
+def state_space(dt: float, **labels: Any) -> Any:
+    control = pytest.importorskip("control")
+    matrices = [[0.9, 0.1], [-0.2, 0.7]], [[0.0, 0.3], [1.0, 0.0]], [[2.0, -1.0]], [[0.5, 0.25]]
+    return control.ss(*matrices, dt, **labels)
+
+
+def test_a_controller_of_python_control_is_a_sampled_component() -> None:
+    labels = {"states": ["slow", "fast"], "inputs": ["angle", "rate"], "outputs": ["torque"]}
+    controller = from_control(state_space(0.1, **labels), "Lead", units={"angle": "rad", "torque": "N.m"})
+    units = {v.name: v.unit for v in model(controller).variables}
+    assert (units["angle"], units["rate"], units["torque"]) == ("rad", "1", "N.m")
+    inputs = {"angle": lambda t: np.sin(3 * t), "rate": lambda t: 0 * t + 0.5}
+    run = simulate(controller, stop_time=1.0, step_size=0.1, inputs=inputs, slow_0=0.3, fast_0=-0.1)
+    x, outputs = np.array([0.3, -0.1]), []
+    for t in run.time:
+        u = np.array([np.sin(3 * t), 0.5])
+        outputs.append(2 * x[0] - x[1] + 0.5 * u[0] + 0.25 * u[1])
+        x = np.array([0.9 * x[0] + 0.1 * x[1] + 0.3 * u[1], -0.2 * x[0] + 0.7 * x[1] + u[0]])
+    assert_allclose(run["torque"][:-1], outputs[:-1], rtol=0, atol=1e-12)  # rounding
+
+
+def test_a_continuous_controller_is_sampled_with_held_inputs() -> None:
+    control = pytest.importorskip("control")
+    lag = from_control(control.ss([[-2.0]], [[3.0]], [[1.0]], [[0.0]]), "Lag", period=0.2)
+    run = simulate(lag, stop_time=1.0, step_size=0.2, inputs={"u_0": lambda t: 0 * t + 1.0})
+    assert_allclose(run["y_0"][:-1], 1.5 * (1 - np.exp(-2 * run.time[:-1])), rtol=0, atol=1e-12)  # its step response
+
+
+@pytest.mark.parametrize(
+    ("dt", "arguments", "message"),
+    [
+        (0.1, {"period": 0.2}, "period = 0.2 s, but that of the system is 0.1 s; resample it"),
+        (0, {}, "Lead has no period: give period="),
+        (0.1, {"units": {"angl": "rad"}}, "units of 'angl': no such name; did you mean"),
+        (0.1, {"name": "Le ad"}, "'Le ad' is no identifier"),
+        (0, {"period": -1}, "period"),
+    ],
+)
+def test_what_is_no_controller_is_refused(dt: float, arguments: dict[str, Any], message: str) -> None:
+    system = state_space(dt, inputs=["angle", "rate"])
+    with pytest.raises(PlanError, match=message):
+        from_control(system, **{"name": "Lead", **arguments})
+    with pytest.raises(PlanError, match="give a StateSpace of python-control"):
+        from_control(3, "Lead")

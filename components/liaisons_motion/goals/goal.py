@@ -55,11 +55,13 @@ class Goal:
         phases: Sequence[Mapping[str, Any]] | None = None,
         bounds: Mapping[str, Any] | None = None,
         controls: str | Sequence[str] | None = None,
+        minimize: Cost | None = None,
         **further: Any,
     ) -> Self:
         """A goal from arguments as the user gives them.
 
         :param moves: None: all active coordinates; none of them beside controls.
+        :param minimize: None: motion; effort where only forces act.
         :param duration: one number, or the least and the greatest one [s].
         :param closed: True stands for all moved coordinates.
         :param further: fields as they are.
@@ -76,6 +78,7 @@ class Goal:
             bounds=name_dictionary("bounds", bounds or {}, PlanError),
             phases=_checked_phases(phases),
             controls=forces,
+            minimize=("motion" if names else "effort") if minimize is None else minimize,
             **further,
         )
 

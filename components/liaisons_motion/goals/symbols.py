@@ -152,6 +152,8 @@ class GoalSymbols:
     @property
     def mass(self) -> ca.SX:
         """Effective mass Θ of the moved coordinates."""
+        if not self.goal.moves:
+            return ca.SX(0, 0)
         return ca.jacobian(self.forces, self.motion[2][: len(self.goal.moves)])
 
     @cached_property

@@ -5,5 +5,6 @@ from __future__ import annotations
 from liaisons_motion.holding.controllers import Controller
 from liaisons_motion.holding.holding import hold
 from liaisons_motion.holding.observers import Observer, observe
+from liaisons_motion.holding.state_spaces import from_control
 
-__all__ = ["Controller", "Observer", "hold", "observe"]
+__all__ = ["Controller", "Observer", "from_control", "hold", "observe"]

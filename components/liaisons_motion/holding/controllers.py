@@ -174,7 +174,7 @@ class Controller:
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
-        follows = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
+        follows = {"input_reconstruction": 2} if self._interpolates else {}
         starts = {**self.goal.parameters, **follows, **starts}
         mechanism = system.add(self.name, self.goal.fmu, **starts)
         for name, part in zip(self.driven, regulators, strict=True):
@@ -187,6 +187,11 @@ class Controller:
                 if part.name != f"{self.name}_{name}" or name in self.moves:  # a force is known to its own regulator
                     system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
         return system
+
+    @property
+    def _interpolates(self) -> bool:
+        """Whether the mechanism interpolates σ, which regulators hand on before it steps: along a plan."""
+        return bool(self.moves) and self.trajectory.times.size > 1
 
     @property
     def _settling(self) -> float:
@@ -285,7 +290,7 @@ class Controller:
 
     def _simulate(self, system: System, times: Floats, inputs: Mapping[str, Any] | None = None) -> Result:
         """Simulate a system with the coupling that its regulators need."""
-        coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
+        coupling = "gauss-seidel" if self._interpolates else "jacobi"
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     @property

@@ -66,6 +66,11 @@ _KNOTS_AHEAD = 6
 exp(-6) = 2.5e-3."""
 _LARGEST_MISS = 1e-3
 """Largest miss of the plan's end, relative to sizes: its square, which first order neglects, is ``_CLOSURE``."""
+_FORCE_CORRECTIONS = 8
+"""Most corrections of held forces: each is Newton's step, which squares the miss."""
+_HELD_MISS = 1e-9
+"""Miss of a plan's end by held forces that needs no further correction, relative to sizes: a thousandth of
+``_CLOSURE``."""
 _CLOSURE = 1e-6
 """Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
 
@@ -327,29 +332,36 @@ def _reference_trajectory(
     for begin, end in pairwise([0.0, *motion.switches, T]):
         count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
         parts.append(np.linspace(begin, end, count, endpoint=False))
-    times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
+    before_jumps = motion.switches[: len(motion.switches) * bool(moves)] - instant  # forces jump at a sample
+    times = np.unique(np.concatenate([*parts, before_jumps, [T]]))
     planned = planned_motion(motion, times)
     reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
-    may_jump = {name for m in moves for name in port_names(m)[order:]}
+    may_jump = {name for m in moves for name in port_names(m)[order:]} | {*sampled.controls}
     open_states = {sampled.states[i] for i in np.flatnonzero(gap > _CLOSURE * extents).tolist()}
     open_states -= {*sampled.cyclic_coordinates, *may_jump}
     at_rest = planned[:, :, -1].copy()
-    stops = [order < 2 or m in sampled.held_moves for m in moves]
+    stops = [order < 2 or m in sampled.held_moves for m in sampled.driven]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
+    size[len(moves) :] = sampled.input_sizes[len(moves) :, None]  # of forces
     is_moving = np.abs(at_rest[:, 1]) > _CLOSURE * size[:, 1]
     at_rest[stops, 1] = at_rest[:, 2] = 0.0
     after: After = "ends"
     last = planned[:, :, -1]
     end = reference[: len(sampled.names), -1]
+    if sampled.controls:
+        at_rest = sampled.balanced(end, at_rest, sampled.controls)
     if not open_states:
         after, last = "repeats", planned[:, :, 0]
     elif order < 2 or not np.any(is_moving & stops):
         rates = np.abs(sampled.rates(end, at_rest)) * sampled.time
         if np.all(rates <= _CLOSURE * sampled.sizes[: len(end)]):
             after, last = "rests", at_rest
-    if np.any(np.abs(last - planned[:, :, -1]) > _CLOSURE * size):
+    if not moves:
+        planned[:, :, -1] = last
+        reference[sampled.rows.index(len(sampled.names)) :, -1] = last[:, 0]
+    elif np.any(np.abs(last - planned[:, :, -1]) > _CLOSURE * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
@@ -362,16 +374,26 @@ def _corrected_steps(
 ) -> tuple[Floats, list[Step]]:
     """States and linearised steps along the plan; the states are corrected to end at its end.
 
-    Without the feedback integration errors may grow on the way.
+    Without the feedback integration errors may grow on the way.  Forces, which are held between communication points
+    as means of the planned ones, are corrected themselves, in place, where bounds leave room.
 
     :raises PlanError: if the steps miss the plan's end by more than a linear correction can mend.
     """
-    reference, steps = sampled.steps(times, planned, step_size)
-    n = len(sampled.names)
-    reached = reference[:n, -1]
-    planned_end = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1])
-    missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
-    missed /= sampled.sizes[:n]
+    n, planned_end = len(sampled.names), by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1])
+
+    def motion_and_miss() -> tuple[Floats, list[Step], Floats]:
+        """States and steps, and by how much they miss the plan's end, divided by sizes."""
+        reference, steps = sampled.steps(times, planned, step_size)
+        ends = zip(sampled.names, reference[:n, -1], strict=True)
+        missed = np.array([planned_end.get(name, x) - x for name, x in ends])
+        return reference, steps, missed / sampled.sizes[:n]
+
+    reference, steps, missed = motion_and_miss()
+    for _ in range(_FORCE_CORRECTIONS if sampled.controls else 0):
+        if np.max(np.abs(missed)) <= _HELD_MISS:
+            break
+        _correct_forces(motion, sampled, planned, steps, missed)
+        reference, steps, missed = motion_and_miss()
     if not np.max(np.abs(missed), initial=0.0) <= _LARGEST_MISS:
         i = int(np.argmax(np.abs(missed)))
         raise PlanError(
@@ -380,6 +402,30 @@ def _corrected_steps(
         )
     reference[:n] += distributed_correction([A[:n, :n] for A, _ in steps], missed) * sampled.sizes[:n, None]
     return reference, steps
+
+
+def _correct_forces(
+    motion: Plan, sampled: SampledMechanism, planned: Floats, steps: list[Step], missed: Floats
+) -> None:
+    """Add to the held forces, in place, the least correction that makes up for a miss of the end, to first order.
+
+    Each is weighed by its distance from its bounds, so that what is at a bound stays there.
+    """
+    n, c = len(sampled.names), len(sampled.moves)
+    columns = [sampled.states.index(name) for name in sampled.controls]
+    to_end, effects = np.eye(n), list[Floats]()
+    for A, _ in reversed(steps):
+        effects.append(to_end @ A[:n, columns])
+        to_end = to_end @ A[:n, :n]
+    sizes = sampled.input_sizes[c:, None]
+    forces = planned[c:, 0, :-1]
+    ends = np.array([motion.goal.bounds.get(name, (None, None)) for name in sampled.controls], dtype=float)[:, :, None]
+    room = np.fmin(forces - ends[:, 0], ends[:, 1] - forces) / sizes  # not-a-number where there is no bound
+    weights = np.where(np.isnan(room), 1.0, room.clip(0.0, 1.0))
+    effect = np.stack(effects[::-1], axis=2).transpose(0, 2, 1)  # (states, steps, forces)
+    weighed = (effect * weights.T).reshape(n, -1)
+    change = np.linalg.lstsq(weighed, missed, rcond=1e-10)[0].reshape(-1, len(columns))
+    forces += sizes * (change * weights.T).T
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------

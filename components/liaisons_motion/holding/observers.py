@@ -274,6 +274,9 @@ class Observer:
                 values: dict[str, Any] = {"period": self.model.period, "planned": np.full(KNOTS, x), "next_0": x}
                 part = system.add(f"{self.name}_{force}", fmu_path("ForceRegulator"), **values)
                 system.connect(part["force"], mechanism[force])
+        elif sampled.controls:
+            words = "the plan's forces are held from sample to sample by feedback: hold(plan, measured=...) runs it"
+            raise PlanError(f"{self.name}: {words}")
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -313,7 +316,7 @@ class Observer:
         sizes = np.append(model.noise, of_forces)
         means = np.append(0 * model.noise, [model.sampled.symbols.inputs[name] for name in forces])
         vectors, variances, _ = np.linalg.svd(self.covariance)
-        coupling = "gauss-seidel" if self.motion else "jacobi"
+        coupling = "gauss-seidel" if self.motion and model.sampled.moves else "jacobi"
         runs = []
         with ignored_warnings(), system.start(step_size=H, tolerance=1e-9, coupling=coupling) as run:
             step = run.stepper(inputs, [])

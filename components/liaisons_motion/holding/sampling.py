@@ -240,16 +240,17 @@ class SampledMechanism:
         """
         return np.array(self._rates_and_slopes(y, *sigma.T))[:, 0]
 
-    def balance(self, names: Sequence[str]) -> None:
-        """Give these forces the values at which the mechanism rests, as nearly as they can.
+    def balanced(self, y: Floats, sigma: Floats, names: Sequence[str]) -> Floats:
+        """σ and forces (driven, 3), with values of these forces at which the states y rest, as nearly as they can.
 
         Rates are linear in forces.
         """
+        sigma, n = sigma.copy(), len(self.names)
         chosen = [self.driven.index(name) for name in names]
-        n, y = len(self.names), self.start[self.state_indices]
-        columns = np.array(self._rates_and_slopes(y, *self.sigma.T))
+        columns = np.array(self._rates_and_slopes(y, *sigma.T)) / self.sizes[:n, None]
         slopes = columns[:, [1 + n + i for i in chosen]]
-        self.sigma[chosen, 0] -= np.linalg.lstsq(slopes, columns[:, 0], rcond=1e-12)[0]
+        sigma[chosen, 0] -= np.linalg.lstsq(slopes, columns[:, 0], rcond=1e-12)[0]
+        return sigma
 
     def steps(
         self, times: Floats, planned: Floats, period: float, start: Floats | None = None

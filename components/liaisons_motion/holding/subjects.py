@@ -55,8 +55,7 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
         check_positive("step_size", step_size, PlanError)
         duration_range(step_size, "step_size")
     if isinstance(motion, Plan):
-        if motion.goal.phases:
-            raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
+        _refuse_plan(caller, motion)
         if any(given is not None for given in (at, moves, controls)) or values:
             words = "a plan says what moves, where, and with which parameters; leave at, moves and controls out"
             raise PlanError(f"{caller}: {words}")
@@ -73,7 +72,9 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     period = step_size or component(motion).experiment.step_size
     goal = Goal.checked(motion, moves=moves, controls=controls, duration=period, values=values, start=at)
     sampled = SampledMechanism(goal, at, interpolate=False, time=period, longest=_STEPS_PER_TIME * period)
-    sampled.balance([name for name in goal.controls if name not in at])
+    unknown = [name for name in goal.controls if name not in at]
+    if unknown:
+        sampled.sigma = sampled.balanced(sampled.start[sampled.state_indices], sampled.sigma, unknown)
     if step_size is None and sampled.has_free_motion:
         period = _round_down(sampled.time / _STEPS_PER_RADIAN)
     rates = by_name(sampled.names, sampled.rates(sampled.start[sampled.state_indices], sampled.sigma))
@@ -83,6 +84,14 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
     if worst and not abs(rates[worst]) * sampled.time <= 1e-9 * sizes[worst]:
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {rates[worst]:.3g}")
     return sampled, period
+
+
+def _refuse_plan(caller: str, motion: Plan) -> None:
+    """Raise an error for a plan with phases, or of forces beside prescribed motions."""
+    if motion.goal.phases:
+        raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
+    if motion.goal.moves and motion.goal.controls:
+        raise PlanError(f"{caller} takes no plan of forces beside prescribed motions: plan one of both; replay it")
 
 
 def _round_down(value: float) -> float:
@@ -116,6 +125,13 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
 
 
 def planned_motion(motion: Plan, times: ArrayLike) -> Floats:
-    """σ and its two rates at times of a plan [s], (moves, 3, times)."""
-    sigma = motion.sigma(times)
-    return np.array([[sigma[name] for name in port_names(m)[:3]] for m in motion.goal.moves])
+    """σ and its two rates at times of a plan [s], (driven, 3, times).
+
+    Forces are means over the interval to the next time, which regulators hold; the last one is that of the end.
+    """
+    sigma, times = motion.sigma(times), np.asarray(times, dtype=float)
+    rows = [[sigma[name] for name in port_names(m)[:3]] for m in motion.goal.moves]
+    for name in motion.goal.controls:
+        means = np.append(np.diff(motion.impulse(name, times)) / np.diff(times), sigma[name][-1:])
+        rows.append([means, 0 * means, 0 * means])
+    return np.array(rows)

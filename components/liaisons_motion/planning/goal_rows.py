@@ -80,7 +80,7 @@ def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
 
     :param label: what needs the forces.
     """
-    sizes = symbols.motion_sizes[0]
+    sizes = symbols.motion_sizes[0][: len(symbols.goal.moves)]
     relative = symbols.evaluate(symbols.mass, 0.0) * np.outer(sizes, sizes) / (symbols.energy * symbols.time**2)
     eigenvalues = np.linalg.eigvalsh(relative)
     if eigenvalues[0] <= 1e-9 * max(1e-300, np.max(np.abs(eigenvalues))) or eigenvalues[-1] <= 1e-12:
@@ -123,9 +123,12 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     if symbols.goal.is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
     goal, names, starts = symbols.goal, symbols.state_names, symbols.start_parameters
+    for name in goal.controls:
+        if name in symbols.start:
+            raise PlanError(f"{symbols.name}: start: {name} is a control, which may have any value at once: bound it")
     values: dict[str, Any] = {name: symbols.parameters[starts[name]] for name in names if name in starts}
     moved = [name for move in goal.moves for name in port_names(move)[:2]]
-    sigma = by_name(goal.moves, symbols.initial_sigma)
+    sigma = by_name(goal.driven, symbols.initial_sigma)
     values |= {name: None if name in goal.closed else sigma.get(name) for name in moved} | dict(symbols.start)
     implied, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
     for name in (*names, *moved):
@@ -164,7 +167,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
         rows[name] = Row(name, symbols.signals[name], *symbols.value_range("bounds", name, pair))
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
-    start_sizes = by_name(symbols.goal.moves, map(float, symbols.initial_sigma_sizes))
+    start_sizes = by_name(symbols.goal.driven, map(float, symbols.initial_sigma_sizes))
     for name in (*symbols.goal.moves, *symbols.state_names):
         domain = domains.get(name)
         if domain is None or name in rows or (domain.minimum is None and domain.maximum is None):
@@ -180,13 +183,19 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
 
 def _cost(symbols: GoalSymbols) -> ca.SX:
     """Integrand of the cost."""
-    minimize, rates = symbols.goal.minimize, symbols.motion[1]
+    goal = symbols.goal
+    moved = len(goal.moves)
+    minimize, rates = goal.minimize, symbols.motion[1][:moved]
     if minimize == "time":
         return ca.SX(1)
     if minimize == "effort":
-        refuse_singular_mass(symbols, "effort")
-        return ca.sumsqr(symbols.forces)
+        if moved:
+            refuse_singular_mass(symbols, "effort")
+        forces = (symbols.motion[0][i] for i in range(moved, len(goal.driven)))
+        return ca.sumsqr(ca.vertcat(*(ca.vertsplit(symbols.forces) if moved else ()), *forces))
     if minimize == "motion":
+        if not moved:
+            raise PlanError(f"{symbols.name}: minimize = 'motion' is of moved coordinates; weigh forces by 'effort'")
         return ca.bilin(symbols.mass, rates, rates) / 2
     value = _user_values(symbols, "minimize", minimize)
     if value.shape != (1, 1):

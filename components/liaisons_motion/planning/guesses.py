@@ -100,7 +100,7 @@ def _trajectory_at_rest(problem: Problem, intervals: int, k: int = 0) -> Colloca
     low, high = problem.duration
     T = low + (high - low) * _halton(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
     knots, inner = (np.repeat(problem.initial_state[:, None], m, axis=1) for m in (intervals + 1, intervals * DEGREE))
-    controls = np.zeros((len(problem.moves), intervals * DEGREE))
+    controls = np.zeros((len(problem.controls), intervals * DEGREE))
     return CollocatedTrajectory((Arc(intervals),), np.array([T]), knots, inner, controls)
 
 
@@ -125,12 +125,12 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
         return x
 
     profile = _smooth_step(points, T)[problem.control_order]
-    controls = np.array([moves.get(name, 0.0) * profile for name in problem.moves])
+    controls = np.array([moves.get(name, 0.0) * profile for name in (*problem.moves, *problem.forces)])
     if problem.control_order == 0:
-        controls += problem.initial_sigma[:, None]
+        controls[: len(problem.moves)] += problem.initial_sigma[:, None]
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.control_order
     w = np.pi * np.arange(1, 4)[:, None]
-    sines, cosines = np.random.default_rng(k).normal(size=(len(problem.moves), 2, 3)).swapaxes(0, 1) / w.T
+    sines, cosines = np.random.default_rng(k).normal(size=(len(controls), 2, 3)).swapaxes(0, 1) / w.T
     shake = size * (sines @ np.sin(w * points) + cosines @ np.cos(w * points))
     return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
 
@@ -240,11 +240,12 @@ def _integrated_transfer(problem: Problem, intervals: int, k: int, reach: float 
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])
     change = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
-    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max())
+    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max(initial=0.0))
     waves = size * rng.normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
     T = trajectory.durations[0]
     if reach is not None:
         change, T = reach * rng.normal(size=change.size), _EXTENSION * T
+    of_forces = (reach or size) * rng.normal(size=(len(problem.forces), 3))
     w = 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Floats, Floats, Floats]:
@@ -253,15 +254,22 @@ def _integrated_transfer(problem: Problem, intervals: int, k: int, reach: float 
         value = first + rise + waves @ (1 - np.cos(w * t))
         return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
 
-    return _with_integrated_states(problem, trajectory, motion)
+    return _with_integrated_states(problem, trajectory, motion, lambda t: of_forces @ np.sin(w * t))
 
 
 def _with_integrated_states(
-    problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Floats, Floats, Floats]]
+    problem: Problem,
+    trajectory: CollocatedTrajectory,
+    motion: Callable[[float], tuple[Floats, Floats, Floats]],
+    forces: Callable[[float], Floats] | None = None,
 ) -> CollocatedTrajectory:
-    """The trajectory with this motion of σ, and states integrated by the midpoint rule from point to point."""
+    """The trajectory with this motion of σ, and states integrated by the midpoint rule from point to point.
+
+    :param forces: function of time; 0 unless given.
+    """
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(port_names(move)[:3])]
+    still = np.zeros(len(problem.forces))
     indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]
 
     def state_and_controls(x: Floats, t: float) -> tuple[Floats, Floats]:
@@ -269,7 +277,7 @@ def _with_integrated_states(
         sigma, x = motion(t), x.copy()
         for index, n, i in indices:
             x[index] = sigma[n][i]
-        return x, sigma[problem.control_order]
+        return x, np.append(sigma[problem.control_order], forces(t) if forces else still)
 
     def slope(x: Floats, t: float) -> Floats:
         """Rates of the state x."""
@@ -282,5 +290,5 @@ def _with_integrated_states(
         k2 = slope(x + h / 2 * k1, t + h / 2)
         states[after] = state_and_controls(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
     knots, inner = (np.array([states[t] for t in ts]).T for ts in (trajectory.breaks, trajectory.instants))
-    controls = np.array([motion(t)[problem.control_order] for t in trajectory.instants]).T
+    controls = np.array([state_and_controls(problem.initial_state, t)[1] for t in trajectory.instants]).T
     return replace(trajectory, knots=knots, inner=inner, controls=controls)

@@ -47,13 +47,13 @@ def refuse_invariants(problem: Problem) -> None:
         how = " and comes back" if problem.is_loop else ""
         raise PlanError(
             f"{problem.name}: end: {end.labels[i]} = {required:.6g} cannot be reached: "
-            f"however {', '.join(problem.moves)} moves{how}, it ends at {stays * size:.6g}"
+            f"however {', '.join((*problem.moves, *problem.forces))} moves{how}, it ends at {stays * size:.6g}"
         )
 
 
 def _never_moved(problem: Problem) -> np.ndarray:
     """Whether a row at the end depends on nothing but states that every motion of σ leaves at their start values."""
-    X, U = ca.SX.sym("x", len(problem.states)), ca.SX.sym("u", len(problem.moves))
+    X, U = ca.SX.sym("x", len(problem.states)), ca.SX.sym("u", len(problem.controls))
     symbols, rng = ca.vertcat(X, U), np.random.default_rng(0)
     centres = np.concatenate([problem.initial_state, np.zeros(U.numel())])[:, None]
     states = centres + 10 ** rng.uniform(*_SCALES, (len(centres), _STATES)) * rng.uniform(
@@ -72,7 +72,7 @@ def _never_moved(problem: Problem) -> np.ndarray:
         still = [i for i, moves in zip(still, moved, strict=True) if not moves]
     start = ca.SX(ca.DM(problem.initial_state[still]))
     rates, rows = (ca.substitute(e, X[still], start) if still else e for e in (rates, rows))
-    if problem.is_loop and len(problem.moves) == 1:  # what is a function of σ comes back with it
+    if problem.is_loop and len(problem.controls) == 1:  # what is a function of σ comes back with it
         value, rate, _ = port_names(problem.moves[0])[:3]
         s = X[problem.states.index(value)]
         s_dot = X[problem.states.index(rate)] if rate in problem.states else U[0]

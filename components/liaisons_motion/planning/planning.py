@@ -47,12 +47,13 @@ def plan(
     /,
     moves: str | Sequence[str] | None = None,
     *,
+    controls: str | Sequence[str] | None = None,
     start: Place | None = None,
     end: Place | None = None,
     closed: bool | str | Sequence[str] = False,
     loops: int = 1,
     duration: float | tuple[float, float],
-    minimize: Cost = "motion",
+    minimize: Cost | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     phases: Sequence[Mapping[str, Any]] | None = None,
     intervals: int = 20,
@@ -78,13 +79,15 @@ def plan(
     start or end where something has to vanish, and for ``minimize``.
 
     :param mechanism: name, file or class of a mechanism or chain.
-    :param moves: active coordinates that the plan moves; all unless given.  The others stay.
+    :param moves: active coordinates that the plan moves; unless given all, or none beside controls.  The others stay.
+    :param controls: forces that the plan sets, ``"theta_force"``; they may jump.
     :param start: values of states (q, q_dot, p_q, σ, σ̇); (low, high) a range, None: free.
     :param end: values of anything that can be read.
     :param closed: True, or names: what is moved comes back to where it was.
     :param loops: end and duration are those of so many equal loops of what is closed; what is returned is one of them.
     :param duration: [s]; (low, high): free.
-    :param minimize: ``"motion"``: ∫ ½ σ̇ᵀΘσ̇ dt; ``"effort"``: ∫ λ² dt; ``"time"``; or an integrand.
+    :param minimize: ``"motion"``: ∫ ½ σ̇ᵀΘσ̇ dt; ``"effort"``: ∫ λ² dt, of controls, too; ``"time"``; or an integrand.
+        Unless given motion, or effort where only forces act.
     :param bounds: (low, high) of anything that can be read: coordinates, rates, accelerations, forces, power.
     :param phases: of a mechanism with contacts, in their order; in each, modes by contact: ``"closed"`` or ``"open"``
         for a unilateral liaison, ``"sticks"``, ``"forward"`` or ``"backward"`` for dry friction.  What a phase does not
@@ -111,6 +114,7 @@ def plan(
             closed=closed,
             duration=duration,
             minimize=minimize,
+            controls=controls,
             bounds=bounds,
             values=merged_start_values("plan", start_values, keywords, PlanError),
             phases=phases,
@@ -122,7 +126,7 @@ def plan(
     if accuracy is not None:
         check_finite("accuracy", accuracy, PlanError)
     check_finite("time_limit", time_limit, PlanError)
-    title = f"plan {', '.join(goal.moves)}" if progress else ""
+    title = f"plan {', '.join(goal.driven)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
         problem = optimal_control_problem(goal)
@@ -141,7 +145,7 @@ def plan(
     _refuse_vanishing_phases(solution)
     if beyond := out_of_reach(solution):
         raise PlanError(f"{problem.name}: no motion was found: {beyond}")
-    if minimize == "motion":
+    if goal.minimize == "motion":
         refuse_singularity(solution)
     return Plan(goal, problem, in_si(problem, solution))
 

@@ -43,6 +43,8 @@ from liaisons_motion.planning.verifying import MODE_DISTANCES, verdicts
 
 _INTERPOLATION_ERROR = 1e-12
 """Error of the operators' quintics between knots, relative to the range of σ."""
+_FORCE_ERROR = 1e-10
+"""The same of forces, relative to their range, between which importers interpolate by cubics."""
 _JUMP_LEAD = 1e-9
 """Distance of the last communication point before a jump from the jump, relative to the duration."""
 _DURATION_ERROR = 1e-7
@@ -110,7 +112,7 @@ class Plan:
         return np.cumsum(self.solution.trajectory.durations)[:-1]
 
     def sigma(self, t: ArrayLike) -> dict[str, Floats]:
-        """Values of σ, σ̇ and σ̈ by the names of the FMU's variables; at a jump those after it.
+        """Values of σ, σ̇, σ̈ and of forces by the names of the FMU's variables; at a jump those after it.
 
         :param t: times [s], of any shape; beyond both ends the polynomials are extrapolated.
         :raises PlanError: if the times are no numbers.
@@ -119,24 +121,38 @@ class Plan:
         return {
             name: polynomial.derivative(n)(t)
             for move, polynomial in self._polynomials.items()
-            for n, name in enumerate(port_names(move)[:3])
+            for n, name in enumerate(port_names(move)[:3] if move in self.problem.moves else (move,))
         }
+
+    def impulse(self, name: str, t: ArrayLike) -> Floats:
+        """Integral of a force from the start to times [s], the part of the plan's end beyond it.
+
+        :param name: of one of the controls.
+        :raises PlanError: for another name.
+        """
+        if name not in self.problem.forces:
+            raise PlanError(
+                f"{self.problem.name}: impulse of {name!r}: the forces are {', '.join(self.problem.forces)}"
+            )
+        t = float_array("t", t, PlanError)
+        return self._polynomials[name].antiderivative()(t)
 
     @cached_property
     def _polynomials(self) -> dict[str, PPoly]:
-        """Polynomials of σ on the intervals of the mesh, by name: integrals of the controls."""
+        """Polynomials of σ on the intervals of the mesh, by name: integrals of the controls; and those of forces."""
         trajectory, problem = self.solution.trajectory, self.problem
         h = np.diff(trajectory.breaks)
         first = by_name(problem.states, trajectory.knots[:, 0])
         polynomials = {}
-        for i, name in enumerate(problem.moves):
+        for i, name in enumerate((*problem.moves, *problem.forces)):
             nodes = trajectory.controls[i].reshape(-1, DEGREE)
             powers = (nodes @ TO_POWERS.T) / h[:, None] ** POWERS
             polynomial = PPoly(powers.T[::-1].copy(), trajectory.breaks)
-            begins = [first.get(name, problem.initial_sigma[i]), first.get(f"{name}_dot", 0.0)]
-            for n in reversed(range(problem.control_order)):
-                polynomial = polynomial.antiderivative()
-                polynomial.c[-1] += begins[n]
+            if name in problem.moves:
+                begins = [first.get(name, problem.initial_sigma[i]), first.get(f"{name}_dot", 0.0)]
+                for n in reversed(range(problem.control_order)):
+                    polynomial = polynomial.antiderivative()
+                    polynomial.c[-1] += begins[n]
             polynomials[name] = polynomial
         return polynomials
 
@@ -201,9 +217,12 @@ class Plan:
         breaks, polynomials = self.solution.trajectory.breaks, self._polynomials
         h = np.diff(breaks)
         parts, kinks = np.ones(h.size), np.zeros(h.size, dtype=bool)
-        for polynomial in polynomials.values():
+        for name, polynomial in polynomials.items():
             lost = _INTERPOLATION_ERROR * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
-            if len(polynomial.c) > 6:
+            if name in self.problem.forces:  # which importers interpolate by cubics
+                lost *= _FORCE_ERROR / _INTERPOLATION_ERROR
+                parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 4 / lost) ** (1 / 4)))
+            elif len(polynomial.c) > 6:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
             ends, begins = (_value_and_derivatives(polynomial, local) for local in (h, 0 * h))
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
@@ -223,8 +242,8 @@ class Plan:
         """
         times = step * np.arange(round(self.duration / step) + 1)
         knots = {}
-        for move in self.problem.moves:
-            value, rate, acceleration = (self.sigma(times)[name] for name in port_names(move)[:3])
+        for move, polynomial in self._polynomials.items():
+            value, rate, acceleration = (polynomial.derivative(n)(times) for n in range(3))
             acceleration[:-1] = 2 * (np.diff(value) / step - rate[:-1]) / step
             knots[move] = np.vstack([times, value, rate, acceleration])
         return knots
@@ -287,7 +306,7 @@ class Plan:
 
     def __repr__(self) -> str:
         word = "" if self.finished else ", not proved: it was stopped on the way"
-        moves = ", ".join(self.problem.moves)
+        moves = ", ".join(self.goal.driven)
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
 
@@ -344,6 +363,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         name_list(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
+    arguments["controls"] = arguments.get("controls") or None
     return Goal.checked(**arguments | {"component": component, "phases": arguments.get("phases") or None})
 
 

@@ -78,7 +78,7 @@ class Problem:
     moves: tuple[str, ...]
     control_order: int
     states: tuple[str, ...]
-    controls: tuple[str, ...]
+    controls: tuple[str, ...]  # of moved coordinates, then forces
     initial_state: Floats  # where it is free, as declared
     terminal_state: dict[str, float]  # states that are given at the end, quaternions of the nearer sign
     initial_sigma: Floats  # where σ is no state
@@ -101,10 +101,15 @@ class Problem:
     junctions: tuple[Rows, ...] = ()  # between phases, of the states before and after, impulses and controls after
 
     @property
+    def forces(self) -> tuple[str, ...]:
+        """Names of the controls that are forces."""
+        return self.controls[len(self.moves) :]
+
+    @property
     def is_loop(self) -> bool:
-        """Whether all moved coordinates are closed."""
+        """Whether all moved coordinates are closed, and there are some."""
         closed = {self.states[i] for i in self.closed}
-        return bool(closed) and set(self.moves) <= closed
+        return bool(self.moves) and bool(closed) and set(self.moves) <= closed
 
     def phase(self, k: int) -> Problem:
         """The k-th phase; the problem itself without phases."""
@@ -122,7 +127,7 @@ class Problem:
     def relative_problem(self) -> Problem:
         """The problem in units of its scales, whose numbers do not depend on units."""
         scales, X, U = self.scales, self.scales.states, self.scales.controls
-        sizes, shape = by_name(self.states, X), U * scales.time**self.control_order
+        sizes, shape = by_name(self.states, X), U[: len(self.moves)] * scales.time**self.control_order
         low, high = self.duration
         return replace(
             self,
@@ -161,14 +166,15 @@ def smooth_problem(goal: Goal) -> Problem:
     """
     symbols = goal_symbols(goal)
     rows = goal_rows(symbols)
-    if any(row.label.endswith(("_force", "_power")) for row in rows.path):
+    if goal.moves and any(r.label.endswith(("_force", "_power")) and r.label not in goal.controls for r in rows.path):
         refuse_singular_mass(symbols, "bounds on forces")
     _refuse_ends_out_of_bounds(symbols, rows)
     _refuse_rest_of_moving(symbols, rows.end)
     order = _control_order(symbols, rows)
     if order == 0:
         rows = replace(rows, start=[row for row in rows.start if row.label not in goal.moves])
-    if order == 2 and symbols.depends(rows.relative_cost_and_path, symbols.motion[2]):
+    accelerations = symbols.motion[2][: len(goal.moves)]
+    if order == 2 and symbols.depends(rows.relative_cost_and_path, accelerations):
         rows = replace(rows, start=[*rows.start, *rows_at_rest(symbols, {row.label for row in rows.start})])
     elif order == 2:
         _refuse_impulses(symbols, rows)
@@ -196,11 +202,13 @@ def _problem_in_states(
     initial = initial_values(symbols, candidates, rows.start)
     names = tuple(state.name for state in states)
     constants = [state for state in candidates if state.name not in names]
-    X, U = ca.vertcat(*(state.symbol for state in states)), symbols.motion[order]
-    absent = stack(symbols.motion[order + 1 :])
+    moved = len(goal.moves)
+    X = ca.vertcat(*(state.symbol for state in states))
+    U = stack(symbols.motion[order if i < moved else 0][i] for i in range(len(goal.driven)))
+    absent = stack(motion[i] for motion in symbols.motion[order + 1 :] for i in range(moved))
     fixed = ca.vertcat(absent, *(state.symbol for state in constants))
     values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
-    controls = tuple(port_names(move)[order] for move in goal.moves)
+    controls = (*(port_names(move)[order] for move in goal.moves), *goal.controls)
 
     def with_constants(expression: ca.SX) -> ca.SX:
         """An expression with the initial values of the states that are constant."""
@@ -232,7 +240,7 @@ def _problem_in_states(
         controls=controls,
         initial_state=np.array([*initial.values()]),
         terminal_state=_terminal_state(symbols, initial, rows.end),
-        initial_sigma=symbols.initial_sigma,
+        initial_sigma=symbols.initial_sigma[:moved],
         rates=function("rates", ca.vertcat(*(state.rate for state in states))),
         cost=function("cost", rows.cost),
         path=path,
@@ -248,7 +256,7 @@ def _problem_in_states(
         start_values=function("start_values", stack(symbols.signals[name] for name in symbols.start_parameters)),
         scales=Scales(
             states=np.array([state.size for state in states]),
-            controls=symbols.motion_sizes[order],
+            controls=np.append(symbols.motion_sizes[order][:moved], symbols.motion_sizes[0][moved:]),
             time=symbols.time,
             energy=symbols.energy,
             cost=rows.cost_size * symbols.time,
@@ -259,7 +267,7 @@ def _problem_in_states(
 def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
     """States of the mechanism, then those of σ and its rates that are below the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
-    names = [*zip(*(port_names(move)[:3] for move in symbols.goal.moves), strict=True)]
+    names = [tuple(port_names(move)[n] for move in symbols.goal.moves) for n in range(3)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
     return [
         StateCandidate(name, symbol[i], rate[i], sizes[i])
@@ -279,7 +287,9 @@ def rows_at_rest(symbols: GoalSymbols, specified: set[str]) -> list[Row]:
 
 def _control_order(symbols: GoalSymbols, rows: GoalRows) -> int:
     """Order of the derivative of σ that is controlled, 0 to 2, by the table of the module."""
-    value, rate, acceleration = symbols.motion
+    if not symbols.goal.moves:
+        return 0
+    value, rate, acceleration = (motion[: len(symbols.goal.moves)] for motion in symbols.motion)
     declared = set(symbols.goal.moves) - set(symbols.start)  # where σ would start if it could not jump at once
     start = (row for row in rows.start if row.label not in declared)
     ends = ca.vertcat(*(row.relative_expression for row in (*start, *rows.end)))
@@ -304,7 +314,7 @@ def initial_values(symbols: GoalSymbols, states: list[StateCandidate], start: li
     """Initial values of all states by name."""
     values = {state.name: 0.0 for state in states}
     values |= by_name(symbols.state_names, map(float, symbols.first_state))
-    values |= by_name(symbols.goal.moves, map(float, symbols.initial_sigma))
+    values |= by_name(symbols.goal.moves, map(float, symbols.initial_sigma[: len(symbols.goal.moves)]))
     return values | {r.label: r.low for r in start if r.low == r.high and r.expression.is_symbolic()}
 
 
@@ -338,7 +348,7 @@ def _needed_states(symbols: GoalSymbols, states: list[StateCandidate], rows: Goa
     first = np.any([*acting, [state.name in closed for state in states]], axis=0)
     needed = {states[i].name for i in closure(uses, first)}
     if not needed:
-        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is part of the goal")
+        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.driven)} can change is part of the goal")
     return needed
 
 

@@ -579,8 +579,9 @@ def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Progra
     inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
     held = {problem.path.labels[i] for i, _ in arc.active_bounds}
     on_states_only = [problem.cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
-    if on_states_only and held <= set(problem.moves):  # else all may be needed to hold the row
-        for i, name in enumerate(problem.moves):
+    driven = (*problem.moves, *problem.forces)
+    if on_states_only and held <= set(driven):  # else all may be needed to hold the row
+        for i, name in enumerate(driven):
             if name not in held:
                 yield TO_POWERS[None, -1] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0
 
