@@ -397,3 +397,15 @@ def test_actions_are_refused() -> None:
     with pytest.raises(InvalidValueError, match="num_envs = 0"):
         VectorEnvironment("Pendulum", num_envs=0, **SWING)
     one.close()
+
+
+def test_the_optimum_of_a_force_is_that_of_riccatis_equation() -> None:
+    environment = Environment(
+        "Oscillator", ["x", "x_dot"], {"x_force": (-2, 2)}, "-(x**2 + x_force**2)", 0.05, stop_time=2.0
+    )
+    environment.reset(options={"x_0": 1.0})
+    A, B, Q = np.array([[0.0, 1], [-1, 0]]), np.array([[0.0, 0], [0, 1]]), np.diag([1.0, 0])
+    flow = expm(-2.0 * np.block([[A, -B], [-Q, -A.T]]))  # of states and costates, backwards from a costate of 0
+    P = flow[2:, :2] @ np.linalg.inv(flow[:2, :2])
+    assert environment.optimum.cost == pytest.approx(P[0, 0], rel=1e-8)
+    assert environment.optimum.sigma(0.0)["x_force"] == pytest.approx(-P[1, 0], abs=1e-6)

@@ -147,6 +147,29 @@ def test_a_force_beside_a_prescribed_motion() -> None:
     assert np.abs(run["Pendulum.theta_force"]).max() > 0.1 < np.abs(run["Pendulum_pivot_x.y"]).max() + 0.1
 
 
+class Arm(Linkage):
+    """Two links in a vertical plane, a motor in each joint."""
+
+    upper = Body(mass=2.0, inertia=(0.02, 0.02, 1e-3), centre=(0.2, 0, 0))
+    lower = Body(mass=1.5, inertia=(0.01, 0.01, 1e-3), centre=(0.15, 0, 0))
+    shoulder = Revolute(ground, upper, axis="y", damping=0.1)
+    elbow = Revolute(upper, lower, axis="y", at=(0.4, 0, 0), damping=0.05)
+
+
+def test_two_motors_hold_an_arm_against_its_weight() -> None:
+    held = hold(Arm, {"shoulder": 0.3, "elbow": 0.5}, controls=["shoulder_force", "elbow_force"], step_size=0.01)
+    of_lower = 1.5 * G * 0.15 * np.cos(0.3 + 0.5)
+    of_upper = (2.0 * 0.2 + 1.5 * 0.4) * G * np.cos(0.3)
+    torques = [held.starts["shoulder_force"], held.starts["elbow_force"]]  # an angle about y lowers the arm
+    assert torques == pytest.approx([-of_lower - of_upper, -of_lower], rel=1e-12)
+    verified(held)
+    own = held.simulate(1.0, shoulder_0=0.4)
+    coupled = held.system(shoulder_0=0.4).simulate(1.0, 0.01, tolerance=1e-10)
+    assert not coupled.warnings
+    assert_allclose(coupled["Arm.elbow"], own["Arm.elbow"], rtol=0, atol=1e-7)  # tolerance of the mechanism's solver
+    assert abs(own["Arm.shoulder"][-1] - 0.3) < 0.1 * abs(own["Arm.shoulder"][0] - 0.3)
+
+
 def test_two_angles_show_a_furuta_pendulum_that_a_torque_holds() -> None:
     shown: Any = {
         "measured": ["turn", "swing"],

@@ -145,7 +145,7 @@ class Environment(gymnasium.Env[Any, Any]):
         Its cost is the integral of the negative reward, so that ``-optimum.cost`` less a return is the regret.  Acts of
         the plan are not held; what ``stop`` forbids goes into ``goal``, as bounds.  It takes seconds, once an episode.
 
-        :raises PlanError: if there is no such motion, or acts are forces.
+        :raises PlanError: if there is no such motion.
         """
         task, declared = self.task, {parameter.name for parameter in component(self.task.subject).parameters}
         goal = {
@@ -156,7 +156,8 @@ class Environment(gymnasium.Env[Any, Any]):
             **task.goal,
             "bounds": {**task.act, **task.goal.get("bounds", {})},
         }
-        return plan(task.subject, [port[0] for port in task.act_ports], **goal)
+        moves, controls = ([port[0] for port in task.act_ports if (len(port) > 1) == moved] for moved in (True, False))
+        return plan(task.subject, moves or None, controls=controls or None, **goal)
 
     def _begin_episode(self, starts: dict[str, Any]) -> None:
         """Reset the run to start values, and forget what was drawn and planned of the last episode."""
