@@ -68,7 +68,7 @@ class ForceRegulator(_CorrectedForce):
         is_due = self.last_sample(self.clock) > last + 2 * CLOCK_ERROR * self.period
         return ca.vertcat(upcoming, ca.if_else(is_due, upcoming, force), held)
 
-    def signal(self, _: ca.SX) -> ca.SX:
+    def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - it changes with the state alone
         return self.held
 
     def next_event_time(self) -> ca.SX:

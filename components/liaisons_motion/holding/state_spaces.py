@@ -90,4 +90,5 @@ def _sampled_matrices(name: str, matrices: list[Any], own_period: Any, period: f
         return matrices, float(own_period)
     if period is None:
         raise PlanError(f"from_control: {name} has no period: give period=...")
-    return (matrices if own_period else [*cont2discrete(tuple(matrices), period)[:4]]), period
+    sampled: Any = matrices if own_period else cont2discrete(tuple(matrices), period)
+    return [*sampled[:4]], period
