@@ -309,7 +309,7 @@ Constraints are exact, where MuJoCo's are soft. Contacts between geoms and actua
 actuator, the input `J_force` of a joint exerts forces. Limits of joints become stops by `limits=True`. Included
 files lie in the folder of the document.
 
-Of public files, 13 of the 14 of Gymnasium and 16 of the 21 of dm_control's suite are read: all have the mass matrix
+Of public files, 13 of the 14 of Gymnasium and 14 of the 19 of dm_control's suite are read: all have the mass matrix
 and the forces (weights, centrifugal forces, springs, dampers) of MuJoCo to 1e-12 of the largest, at 20 random
 states. Of the others, `swimmer.xml` and `fish.xml` swim (`density`), the string of `ball_in_cup.xml` is a tendon
 with a limit, bodies of `dog.xml` are meshes without `<inertial>`, and `lqr.xml` has no joint until a program adds
