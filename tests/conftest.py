@@ -22,7 +22,10 @@ import pytest
 from liaisons.fmu import build
 from liaisons.mechanics import Equations, assemble
 
-_SYMBOLIC = {"analysis", "expressions", "formulas", "language", "mechanics", "test_units.py"}
+_SYMBOLIC = {
+    *("kernel/expressions", "kernel/language", "kernel/mechanics", "kernel/test_units.py"),
+    *("motion/analysis", "pages/formulas"),
+}
 _SKIPS = tomllib.loads((Path(__file__).parent / "skips.toml").read_text(encoding="utf-8"))["skip"]
 _SLOW_SECONDS = 1200  # for a slow test; pyproject.toml has the time of the others
 _QUICK, _CORE = 12, 1  # variants of a function that are not slow, and those of them in the core suite
@@ -53,7 +56,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         builds = any(name.startswith("tmp_path") for name in getattr(item, "fixturenames", ()))
         slow = item.get_closest_marker("slow") is not None
-        if item.path.relative_to(Path(__file__).parent).parts[0] in _SYMBOLIC and not builds and not slow:
+        if "/".join(item.path.relative_to(Path(__file__).parent).parts[:2]) in _SYMBOLIC and not builds and not slow:
             item.add_marker("symbolic")
         if slow and item.get_closest_marker("timeout") is None:
             item.add_marker(pytest.mark.timeout(_SLOW_SECONDS))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).parent / "cosim"))
+sys.path.insert(0, str(Path(__file__).parent / "kernel/cosim"))
 
 from making import exchange_only, wired
 from test_impulses import MOVERS, OWN, TOPS

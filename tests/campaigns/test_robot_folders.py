@@ -1,6 +1,6 @@
 """Files of robots in a folder against MuJoCo and Pinocchio: mass matrix and forces at twenty random states.
 
-``LIAISONS_ROBOTS=FOLDER`` names the folder; ``python tests/language/robot_peers.py FILE...`` prints a table.
+``LIAISONS_ROBOTS=FOLDER`` names the folder; ``python tests/kernel/language/robot_peers.py FILE...`` prints a table.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from robot_peers import DIGITS, distances, peer_of, read
 
-FOLDER = Path(os.environ.get("LIAISONS_ROBOTS", Path(__file__).parents[1] / "language" / "robots"))
+FOLDER = Path(os.environ.get("LIAISONS_ROBOTS", Path(__file__).parents[1] / "kernel/language" / "robots"))
 
 pytestmark = pytest.mark.slow
 

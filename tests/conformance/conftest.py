@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "fmu"))  # driver.py and
+sys.path.insert(0, str(Path(__file__).parents[1] / "kernel/fmu"))  # driver.py and
 sys.path.insert(0, str(Path(__file__).parent))  # trial.py are no tests, but theirs
 
 from trial import COMPONENTS, SOURCES, Trial, Version, compile_program, unpack

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "fmu"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "kernel/fmu"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 import bodies

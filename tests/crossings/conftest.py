@@ -4,4 +4,4 @@ import sys
 from pathlib import Path
 
 _TESTS = Path(__file__).parents[1]
-sys.path[:0] = [str(_TESTS / name) for name in ("crossings", "cosim", "fmu", "pictures", "../docs")]
+sys.path[:0] = [str(_TESTS / name) for name in ("crossings", "kernel/cosim", "kernel/fmu", "pages/pictures", "../docs")]

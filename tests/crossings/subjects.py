@@ -51,7 +51,7 @@ from liaisons.models import (
     SwingPump,
 )
 
-COSIM = Path(__file__).parents[1] / "cosim"
+COSIM = Path(__file__).parents[1] / "kernel/cosim"
 
 Signals = dict[str, NDArray]
 Exact = Callable[..., Signals]

@@ -36,7 +36,7 @@ def test_what_is_named_exists(texts: ModuleType) -> None:
     with pytest.raises(AttributeError, match="Pendulums"):
         texts.resolve("Pendulums")
     with pytest.raises(LookupError, match="has no such test"):
-        texts.source("models/test_hoops::test_nothing")
+        texts.source("catalogue/test_hoops::test_nothing")
     with pytest.raises(KeyError, match="no_scenario"):
         texts.source("no_scenario")
 
@@ -55,7 +55,7 @@ def test_links_of_the_page_lead_somewhere(texts: ModuleType, page: str) -> None:
         assert f"include}} ../../tests/{file}.py" in source
     assert links <= places
     assert "../gallery/holders_principle.html" in links
-    assert "../texts/models-test_hoops.html#test_hoop_has_the_lagrangian_of_equation_61_with_its_dots" in links
+    assert "../texts/catalogue-test_hoops.html#test_hoop_has_the_lagrangian_of_equation_61_with_its_dots" in links
     assert "../gallery/" not in texts.page([])
     assert "| Pendulum | 2 | 4 | M eq. 45-47, on V*M |" in page
     assert "| Swing | 3 | 3 | M eq. 36-38, on T*M |" in page
@@ -92,9 +92,11 @@ def test_pages_of_components_scenarios_and_functions_lead_back(texts: ModuleType
 
 def test_tolerances_are_those_that_are_applied(texts: ModuleType) -> None:
     assert texts.tolerances("phase_space_cloud")
-    assert texts.tolerances("analysis/test_symmetry::test_rotations_conserve_angular_momentum") == [1e-13]  # ROUNDING
-    assert texts.tolerances("models/test_newton::test_motion_and_operator_forces_are_those_of_newton") == [1e-12]
-    found = texts.tolerances("mechanics/test_constraints::test_dalembert_gauss_and_the_null_space_give_one_motion")
+    rotations = "motion/analysis/test_symmetry::test_rotations_conserve_angular_momentum"
+    assert texts.tolerances(rotations) == [1e-13]  # ROUNDING
+    assert texts.tolerances("catalogue/test_newton::test_motion_and_operator_forces_are_those_of_newton") == [1e-12]
+    file = "kernel/mechanics/test_constraints"
+    found = texts.tolerances(f"{file}::test_dalembert_gauss_and_the_null_space_give_one_motion")
     assert found == [1e-12, 1e-11]  # times sizes
 
 
