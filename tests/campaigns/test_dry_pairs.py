@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from liaisons import Result, System, build, flatten, simulate
+from liaisons.cosim import Coupling
 from liaisons.errors import SimulationError
 
 Starts = dict[str, float]
 
-PAIRS, BY_HAND, SEED = 200, 20, 43
+BY_HAND = 20
 STOP, STEP, TOLERANCE = 1.0, 0.01, 1e-10
 RIGHT = 1e-5
 """Difference, relative to the largest way, that counts as none: a release that is 1e-4 of a step late, at 5 m/s²."""
@@ -123,10 +124,16 @@ def _difference(run: Result, others: tuple[NDArray[np.float64], ...]) -> float:
 
 
 @pytest.mark.slow
-def test_nothing_is_off_without_a_word(folder: Path, flattened: Callable[[str, System], Path]) -> None:
-    random = np.random.default_rng(SEED)
+@pytest.mark.parametrize(
+    ("seed", "pairs", "coupling"), [(43, 200, "implicit"), (45, 60, "implicit"), (45, 60, "waveform")]
+)
+def test_nothing_is_off_without_a_word(
+    folder: Path, flattened: Callable[[str, System], Path], seed: int, pairs: int, coupling: Coupling
+) -> None:
+    """Waveform coupling takes what is lighter than its mover, which is half of them, and refuses the others."""
+    random = np.random.default_rng(seed)
     silent, refused, warned, worst, by_hand = list[Any](), list[str](), list[Any](), 0.0, 0
-    for number in range(PAIRS):
+    for number in range(pairs):
         kind = ("Oscillator", "DryOscillator")[number % 2]
         lower, upper = (_moved if kind == "Oscillator" else _dry)(random), _dry(random)
         system = _pair(folder, (kind, lower), upper)
@@ -138,7 +145,7 @@ def test_nothing_is_off_without_a_word(folder: Path, flattened: Callable[[str, S
             by_hand += 1
             assert _difference(whole, tuple(_slide(lower, upper, whole.time))) < 1e-8, (lower, upper)
         try:
-            run = system.simulate(**settings)
+            run = system.simulate(coupling=coupling, **settings)
         except SimulationError as error:
             refused.append(str(error))
             continue
@@ -150,8 +157,10 @@ def test_nothing_is_off_without_a_word(folder: Path, flattened: Callable[[str, S
         elif difference > max(RIGHT, 3 * claimed):
             silent.append((number, difference, claimed))
     counts = {"silent": len(silent), "refused": len(refused), "warned of": len(warned), "worst": worst}
-    sys.stdout.write(f"{PAIRS} pairs: {counts}\n")
+    sys.stdout.write(f"{pairs} pairs, {coupling}: {counts}\n")
     assert silent == []
-    assert all("flatten()" in text for text in refused)
-    assert len(refused) <= PAIRS / 50  # two at rest, whose modes depend on each other's
-    assert [one for one in warned if one[1] <= RIGHT] == []
+    assert all("must be lighter than what moves it" in text for text in refused)
+    assert len(refused) <= (pairs / 2 if coupling == "waveform" else 0)
+    needless = [one for one in warned if one[1] <= RIGHT]
+    assert all("energy account" in text for *_, texts in needless for text in texts)  # of a pair at rest, 1e-33 J
+    assert len(needless) <= pairs / 50

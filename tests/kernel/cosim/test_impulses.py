@@ -612,10 +612,47 @@ def test_what_sticks_with_what_moves_it_sticks(component: FmuPaths) -> None:
             },
             id="would stick only together with what then slides",
         ),
+        pytest.param(
+            {
+                "mass": 0.22562726687724802,
+                "stiffness": 181.9359289417286,
+                "damping": 0.0,
+                "x_0": -0.08333903095128195,
+                "x_dot_0": -0.4792365072927429,
+            },
+            {
+                "mass": 3.9555394212593398,
+                "stiffness": 0.0,
+                "mu_sliding": 0.30473014231314305,
+                "mu_static": 0.514202117298899,
+                "x_0": 0.08628176215845734,
+                "x_dot_0": 0.0,
+            },
+            id="is heavier than what passes it at 120 m/s2",
+        ),
+        pytest.param(
+            {
+                "mass": 0.26477286371929154,
+                "stiffness": 0.0,
+                "mu_sliding": 0.03814123835469676,
+                "mu_static": 0.06185729371288982,
+                "x_0": -0.0876286478786468,
+                "x_dot_0": 0.0,
+            },
+            {
+                "mass": 3.3033968383335863,
+                "stiffness": 10.768332325092992,
+                "mu_sliding": 0.08231531104214468,
+                "mu_static": 0.08387963477646718,
+                "x_0": -0.01919247785808198,
+                "x_dot_0": 0.0,
+            },
+            id="drags what would stick, at the start",
+        ),
     ],
 )
 def test_dry_friction_between_fmus(component: FmuPaths, shared_folder: Path, lower: Starts, upper: Starts) -> None:
-    """As the flattened system; none of them had an end, as each FMU chose by what the other does while it slides."""
+    """As the flattened system; each FMU alone chooses by what the other does while it slides, or sticks."""
     system = _on_another(component, lower, upper)
     parts: Parts = {"mass": ("", lower), "block": ("", upper)}
     settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.01, "tolerance": 1e-10}
@@ -623,7 +660,25 @@ def test_dry_friction_between_fmus(component: FmuPaths, shared_folder: Path, low
         system.simulate(**settings),
         _whole(shared_folder / ("dry_on_dry" if "mu_static" in lower else "dry"), system, parts, **settings),
     )
-    assert np.any(whole["block.slip_sticks"] == 0)
-    assert np.any(whole["block.slip_sticks"] == 1)
+    dry = [name for name, starts in (("mass", lower), ("block", upper)) if "mu_static" in starts]
+    assert np.unique([whole[f"{name}.slip_sticks"] for name in dry]).tolist() == [0, 1]
     assert _difference(run, whole) < 1e-6  # instants of release are known to 1e-4 of a step
     assert run.warnings == ()
+
+
+@pytest.mark.parametrize(("mass", "agrees"), [(0.9, True), (1.1, False)])
+def test_waveform_coupling_takes_what_is_lighter_than_its_mover(
+    component: FmuPaths, mass: float, *, agrees: bool
+) -> None:
+    """Iteration x := F(x) between a mass and a block that sticks contracts by the ratio of their masses."""
+    block = {"mass": mass, "stiffness": 1e-3, "mu_static": 0.5, "mu_sliding": 0.3}
+    system = _on_another(component, {"stiffness": 40.0, "x_0": 0.1}, block)
+    settings: dict[str, Any] = {"stop_time": 0.2, "step_size": 0.01, "tolerance": 1e-10}
+    if agrees:
+        run, other = (system.simulate(coupling=coupling, **settings) for coupling in ("waveform", "implicit"))
+        assert np.all(run["block.slip_sticks"] == 1)
+        np.testing.assert_allclose(run["mass.x"], other["mass.x"], rtol=0, atol=1e-9)  # the tolerance of the iteration
+    else:
+        words = r"block\.slip_sticks it pushes back with its mass, and must be lighter than what moves it: choose"
+        with pytest.raises(IncompleteError, match=words):
+            system.simulate(coupling="waveform", **settings)

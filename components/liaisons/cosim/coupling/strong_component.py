@@ -211,10 +211,16 @@ class StrongComponent:
     def _raise_divergence(self) -> NoReturn:
         worst = int(self._unknowns[int(np.argmax(self._errors))]) % self._signals.count
         signal = ".".join(self._signals.references[worst])
+        sticking = [f"{n.name}.{name}" for n in self.nodes for name in n.part.fmu.variables if name.endswith("_sticks")]
         if self._implicit and self._bus.size.value == 0:  # contacts that choose by each other may have no agreement
             cure = "give other start values, or make one FMU of the system by flatten()"
+        elif self._implicit:
+            cure = "choose a smaller step_size"
+        elif sticking:
+            mass = f"where {', '.join(sticking)} it pushes back with its mass, and must be lighter than what moves it"
+            cure = f"{mass}: choose coupling='implicit'"
         else:
-            cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
+            cure = "choose a smaller step_size, or coupling='implicit'"
         raise RefusedError(
             f"{self._names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, {signal} "
             f"least of all, after {_MOST_ITERATIONS} iterations: {cure}"

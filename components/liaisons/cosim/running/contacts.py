@@ -77,6 +77,12 @@ def friction_variables(part: SystemComponent) -> list[list[VariableReference]]:
     return [[(part.name, name) for name in pair] for pair in pairs if all(name in variables for name in pair)]
 
 
+def friction_force(slip: str) -> str:
+    """Name of the force of a dry friction, by that of its velocity."""
+    name, bracket, element = slip.partition("[")
+    return f"{name}_force{bracket}{element}"
+
+
 def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
     """Of each contact of an FMU: variable of the sum of its impulses -> that of its force."""
     sums: dict[VariableReference, VariableReference] = {}

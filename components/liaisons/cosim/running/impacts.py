@@ -15,11 +15,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.arrays import Memory, Vector, as_indices
 from liaisons.cosim.coupling.bus import Bus
@@ -31,11 +29,10 @@ from liaisons.cosim.running.contacts import (
     connections_that_stop_impulses,
     contact_impulses,
     contact_variables,
-    friction_variables,
 )
+from liaisons.cosim.running.friction import Action, Frictions
 from liaisons.cosim.running.impulses import ImpulsivePort, forces_through, impulse_sums
 from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import RefusedError
 
@@ -53,16 +50,8 @@ _MOST_ROUNDING = 1e3
 _LOSS = "impact_loss"
 _GAIN = 1e-9
 """Energy that an impact may gain by rounding, relative to what its impulses exchange."""
-_AT_REST = 1e-12
-"""Velocity of what slides that is rounding, relative to the largest one."""
-_CHANGES = 4.0 ** np.arange(-5, 7)
-"""Changes of an input that are tried, relative to the input."""
-_HALVINGS = 50
-"""How often the interval that a change ends is halved."""
 _EARLY = 1e-11
 """How long before an impact FMUs stop, relative to a communication step."""
-
-Action = Callable[[], None]
 
 
 @final
@@ -137,119 +126,6 @@ class _Node:
 
 
 @final
-class _Influence:
-    """An input of an FMU by which others act on whether its dry friction sticks: an acceleration, or a load.
-
-    :param variables: of the input and, of an acceleration, of the rate beside it.
-    :param slip: velocity of the friction.
-    """
-
-    def __init__(
-        self,
-        variables: Sequence[VariableReference],
-        slip: VariableReference,
-        simulation: Simulation,
-        instances: Instances,
-        *,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
-        part, own, (first, *_) = simulation.parts[slip[0]], instances[slip[0]], variables
-        self._bus, self._columns = bus, bus.columns(variables)
-        self._values, self._slip = np.zeros(len(variables)), np.zeros(1)
-        self._put = own.setter([part.fmu.variables[name] for _, name in variables], self._values)
-        self._get = own.getter([part.fmu.variables[slip[1]]], self._slip)
-        self._signals, self._index = signals, signals.index[simulation.feeds[first]]
-        self._factor = simulation.conversions[first].factor if first in simulation.conversions else 1.0
-
-    def value(self, row: Vector) -> float:
-        """Its value in a row of the bus."""
-        return float(row[self._columns[0]])
-
-    def add(self, row: Vector, change: float) -> None:
-        """Add to it, and set the rate so that the velocity is 0, as it is to the tolerance of a step.
-
-        :param row: values of the bus.
-        """
-        self._values[:] = row[self._columns]
-        self._values[0] += change
-        self._bus.perform([self._put, self._get])
-        if len(self._values) > 1:
-            slip = float(self._slip[0])
-            self._values[1] += 1.0
-            self._bus.perform([self._put, self._get])
-            slope = float(self._slip[0]) - slip
-            self._values[1] = row[self._columns[1]] - (slip / slope if slope else 0.0)
-            self._bus.perform([self._put])
-            self._signals.before[self._index] += change / self._factor  # the slope of the rate
-
-
-@final
-class _Friction:
-    """Dry friction of an FMU, which others act on.
-
-    :param variables: its velocity, and the direction of that.
-    """
-
-    def __init__(
-        self,
-        variables: Sequence[VariableReference],
-        ports: Sequence[ImpulsivePort],
-        simulation: Simulation,
-        instances: Instances,
-        *,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
-        slip, direction = variables
-        self.name, self._direction = ".".join(slip), int(bus.columns([direction])[0])
-        inputs = [(port.acceleration, port.rate.target.reference) for port in ports if port.moved == slip[0]]
-        loads = [(port.load,) for port in ports if port.mover == slip[0]]
-        self._influences = [
-            _Influence(variables, slip, simulation, instances, signals=signals, bus=bus)
-            for variables in (*inputs, *loads)
-        ]
-
-    def find_sticking(self, before: Vector, slides: float, cross: Callable[[Action], Vector]) -> Action | None:
-        """Find an input with which it sticks at an instant at which its velocity is 0.
-
-        :param before: values of the bus before the instant.
-        :param slides: direction in which it slides with the present inputs.
-        :param cross: crosses the instant after an action; returns the values of the bus behind it.
-        :returns: the action that sets this input; None if there is none.
-        """
-        for influence in self._influences:
-
-            def direction(change: float, one: _Influence = influence) -> float:
-                try:
-                    return float(cross(partial(one.add, before, change))[self._direction])
-                except RefusedError:
-                    return slides
-
-            change = _find_zero(direction, slides, max(abs(influence.value(before)), 1.0))
-            if change is not None:
-                return partial(influence.add, before, change)
-        return None
-
-
-def _find_zero(sign: Callable[[float], float], at_0: float, size: float) -> float | None:
-    """A zero of a function that only rises or falls, with values -1, 0 and 1; None if none is found.
-
-    :param at_0: its value at 0; ``size`` of its argument.
-    """
-    for change in (side * size * factor for factor in _CHANGES for side in (1, -1)):
-        low, high, found = 0.0, change, sign(change)
-        for _ in range(_HALVINGS if found not in {0, at_0} else 0):
-            middle = (low + high) / 2
-            if (found := sign(middle)) == 0:
-                return middle
-            low, high = (middle, high) if found == at_0 else (low, middle)
-        if found == 0:
-            return high
-    return None
-
-
-@final
 class Impacts:
     """Impacts of FMUs whose impulses are connected.
 
@@ -279,15 +155,19 @@ class Impacts:
         sums = impulse_sums(simulation, ports)
         self._sums, self._forces = map(bus.columns, (sums, sums.values()))
         self._pushing = bus.columns(force for part in parts for force in contact_impulses(part).values())
-        frictions = [friction for part in parts for friction in friction_variables(part)]
-        self._slips, self._directions = (bus.columns(friction[k] for friction in frictions) for k in range(2))
-        self._motion = [
-            bus.columns(port.rate.target.reference for port in ports),
-            bus.columns(port.acceleration for port in ports),
-        ]
-        self._frictions = [
-            _Friction(friction, ports, simulation, instances, signals=signals, bus=bus) for friction in frictions
-        ]
+        self._frictions = Frictions(simulation, ports, instances, signals, bus)
+        self.begins_to_slide, self.let_stick = self._frictions.begins_to_slide, self._frictions.let_stick
+
+    def initialize(self, initialize: Action) -> None:
+        """Initialize all FMUs, and choose the modes of dry friction together where they do not agree on them.
+
+        :raises RefusedError: if there are none on which they agree.
+        """
+        try:
+            initialize()
+        except RefusedError:
+            if not self._frictions.choose_at_start():
+                raise
 
     def start(self) -> None:
         """Read the sums of impulses at the start time; warn of impacts there, which each FMU has resolved alone."""
@@ -313,43 +193,7 @@ class Impacts:
     def has_changed_contact(self, before: Vector, after: Vector) -> bool:
         """Whether a contact has begun or ended to push or to slide, by values of the bus before and after."""
         pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
-        return bool(np.any(pushed != pushes) or np.any(before[self._directions] != after[self._directions]))
-
-    def begins_to_slide(self, values: Vector, size: float) -> bool:
-        """Whether any dry friction slides without a velocity; ``size`` of a step [s]."""
-        return bool(np.any(self._slide_at_rest(values, size)))
-
-    def _slide_at_rest(self, values: Vector, size: float) -> NDArray[np.bool_]:
-        rates, accelerations = (np.abs(values[columns]).max(initial=0.0) for columns in self._motion)
-        return (np.abs(values[self._slips]) <= _AT_REST * (rates + size * accelerations)) & (
-            values[self._directions] != 0
-        )
-
-    def let_stick(
-        self, before: Vector, after: Vector, size: float, crossings: tuple[Callable[..., Vector], Callable[[], Vector]]
-    ) -> Vector:
-        """Let dry friction stick that would slide on from a velocity of 0 as its FMU knows no more than its inputs.
-
-        Each FMU chooses by the accelerations and loads of one way to slide, and others react to what it chooses.  Once
-        it sticks, all agree on these, and it stays so unless its force is too large.
-
-        :param before: values of the bus before an instant; ``after`` behind it; ``size`` of a step [s].
-        :param crossings: the first goes back, and crosses that instant after some actions; the second goes on as far
-            again; both return the values behind.
-        :returns: the values behind it.
-        """
-        cross, go_on = crossings
-        actions: list[Action] = []
-        frictions = zip(self._frictions, self._directions, self._slide_at_rest(before, size), strict=True)
-        for friction, column, at_rest in frictions:
-            turns = before[column] * after[column] < 0
-            if not (turns or (at_rest and after[column] != 0)):
-                continue
-            if action := friction.find_sticking(before, float(after[column]), partial(cross, *actions)):
-                cross(*actions, action)
-                actions += [action] if go_on()[column] == 0 else []
-            after = cross(*actions)
-        return after
+        return bool(np.any(pushed != pushes)) or self._frictions.have_changed(before, after)
 
     def _time_to_contact(self, values: Vector) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""

@@ -38,6 +38,19 @@ class ImpulsivePort:
         return self.moved, terminal.motion[2]
 
     @property
+    def mover_acceleration(self) -> VariableReference:
+        """Output of the FMU that moves."""
+        terminal = self.impulse.target.terminal
+        assert terminal is not None
+        assert terminal.motion is not None
+        return self.mover, terminal.motion[2]
+
+    @property
+    def force(self) -> VariableReference:
+        """Output of the FMU that is moved."""
+        return self.moved, self.impulse.source.force or ""
+
+    @property
     def load(self) -> VariableReference:
         """Input of the FMU that moves."""
         return self.mover, self.impulse.target.force or ""
@@ -84,12 +97,12 @@ def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
 
 def forces_through(ports: Iterable[ImpulsivePort]) -> set[VariableReference]:
     """Forces that are connected together with their impulses."""
-    return {(port.moved, port.impulse.source.force or "") for port in ports}
+    return {port.force for port in ports}
 
 
 def impulse_sums(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
     """Sum of impulses of each connection and contact that take part in impacts -> force that acts alike."""
-    sums = {port.impulse.source.reference: (port.moved, port.impulse.source.force or "") for port in ports}
+    sums = {port.impulse.source.reference: port.force for port in ports}
     for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
         sums |= contact_impulses(simulation.parts[name])
     return sums

@@ -234,7 +234,10 @@ class Run:
         for name, instance in self._instances.items():
             tolerance = simulation.tolerance or parts[name].fmu.experiment.tolerance
             instance.initialize(parts[name].starts, tolerance, begin, end)
-        bus.perform(self._initial)
+        if self._impacts is None:
+            bus.perform(self._initial)
+        else:
+            self._impacts.initialize(lambda: bus.perform(self._initial))
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._at_instant)
