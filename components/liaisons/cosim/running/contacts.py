@@ -12,7 +12,7 @@ the bound being that of impacts that graze, or are missed.  Variances of what th
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
@@ -40,6 +40,8 @@ LEAST_IMPULSE = 1e-8
 """Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
 _UNSURE = 16.0, 16.0, 6.0
 """Error of a distance inside a step, in units of that of the inputs, by none, one and both of the points beside it."""
+_NARROWINGS = 3
+"""How often the interval in which a polynomial is least is narrowed to an eighth: to 1e-5 of a step."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -109,7 +111,6 @@ class UnresolvedContact(NamedTuple):
 
         :param power: of the step size in the error.
         """
-        size = self.size * min((max(abs(self.least), self.error / 10) / (4 * self.error)) ** (1 / power), 0.5)
         logger.warning(
             "%s: it comes as near as %.2g %s before t = %.6g s, but is known to %.2g %s there, as %s is handed over by "
             "steps of %.3g s: a contact may be missed, or one too many; a step_size of %.1g s would tell",
@@ -121,8 +122,29 @@ class UnresolvedContact(NamedTuple):
             unit,
             connection,
             self.size,
-            rounded_down(size),
+            rounded_down(self.sufficient_size(power)),
         )
+
+    def sufficient_size(self, power: int) -> float:
+        """A step size that would tell [s], or, of what is very near, one with which it is known better."""
+        return self.size * min((max(abs(self.least), self.error / 10) / (4 * self.error)) ** (1 / power), 0.5)
+
+    def divisions(self, power: int) -> Vector:
+        """Instants [s] that divide this step, and those beside it, by which its error is estimated, into such steps."""
+        first, last = self.time - 2 * self.size, self.time + self.size
+        return np.linspace(first, last, 1 + math.ceil((last - first) / self.sufficient_size(power)))
+
+
+def divisions_between(divisions: Sequence[Vector], times: Vector) -> Vector:
+    """Instants of divisions [s] that are clearly between communication points and each other, sorted."""
+    apart = [(float(t), (own[1] - own[0]) / 4) for own in divisions for t in own.tolist()]
+    found: list[float] = []
+    for instant, least in sorted(apart):
+        later = int(np.searchsorted(times, instant))
+        is_inside = 0 < later < len(times) and min(instant - times[later - 1], times[later] - instant) > least
+        if is_inside and (not found or instant - found[-1] > least):
+            found.append(instant)
+    return np.array(found)
 
 
 def rounded_down(size: float) -> float:
@@ -139,7 +161,7 @@ def accumulated_errors(
     added: Vector,
     *,
     crossing: NDArray[np.bool_],
-) -> tuple[Vector, UnresolvedContact | None]:
+) -> tuple[Vector, list[UnresolvedContact]]:
     """Error of a mechanism with contacts at each point, relative to its largest distance and rate, at most 1.
 
     A distance that falls and rises within a step, without an impact, is held against its error there: the FMU knows
@@ -149,17 +171,17 @@ def accumulated_errors(
     :param off: mean error of the inputs in the step that ends at a point, in units of distances.
     :param added: error that the step adds to the motion otherwise, relative to its size.
     :param crossing: which points are ends of tiny steps, in which impacts are not always counted.
-    :returns: shape (points,), and the step in which a contact is least sure to be seen.
+    :returns: shape (points,), and the steps in which a contact may not be seen, the least sure one first.
     """
     steps, errors = np.diff(times), np.zeros(len(times))
-    doubtful: UnresolvedContact | None = None
+    doubtful: list[UnresolvedContact] = []
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
     length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
     if length < _TOUCHING * np.abs(rows[:, sorted(mechanism.inputs)]).max(initial=0.0):
-        return errors, None
+        return errors, []
     if max(length, speed) > _DIVERGED:
         errors[1:] = 1.0
-        return errors, None
+        return errors, []
     tiny = crossing[1:]
     turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
     struck = (np.diff(impacts) != 0) | (tiny & turned)
@@ -189,14 +211,14 @@ def accumulated_errors(
             elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
             error, least = unsure[c, k] * reach, dips[c, k]
-            if abs(least) < error and (doubtful is None or error - least > doubtful.error - doubtful.least):
-                doubtful = UnresolvedContact(c, times[k + 1], H, least, error)
+            if least < error:
+                doubtful.append(UnresolvedContact(c, times[k + 1], H, least, error))
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
         errors[k + 1] = min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
         if at_rest[k + 1]:
             xx = xv = vv = 0.0
-    return errors, doubtful
+    return errors, sorted(doubtful, key=lambda one: one.least - one.error)
 
 
 def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
@@ -236,7 +258,7 @@ def _dips(gaps: Vector, rates: Vector, times: Vector, watched: NDArray[np.bool_]
     near = watched & (np.minimum(gaps[:, :-1], gaps[:, 1:]) < steps * fastest)
     before, after = np.zeros((2, *watched.shape), dtype=bool)
     before[:, 1:], after[:, :-1] = watched[:, :-1], watched[:, 1:]
-    theta = np.linspace(0, 1, 65)[:, None]
+    theta, theta_around = np.linspace(0, 1, 65)[:, None], np.linspace(-1, 1, 17)[:, None]
     for left, right in ((False, False), (True, False), (False, True), (True, True)):
         contact, step = np.nonzero(near & (before == left) & (after == right))
         points = step + np.repeat(np.arange(-left, 2 + right), 2)[:, None]
@@ -247,14 +269,28 @@ def _dips(gaps: Vector, rates: Vector, times: Vector, watched: NDArray[np.bool_]
             spans = x[order:] - x[:-order]
             quotients = np.diff(table, axis=0) / np.where(spans > 0, spans, 1.0)
             table = np.where(spans > 0, quotients, slopes[: len(spans)])
-        value = np.zeros((len(theta), len(step)))
-        for node, coefficient in zip(x[::-1], coefficients[::-1], strict=True):
-            value = value * (theta - node) + coefficient
+        value = _newton_polynomials(coefficients, x, theta)
         lowest = value.argmin(axis=0) if len(step) else step
         inside = (lowest > 0) & (lowest < len(theta) - 1)
-        least[contact, step] = np.where(inside, value.min(axis=0, initial=math.inf), math.inf)
+        at, width = theta[lowest, 0], float(theta[1, 0])
+        for _ in range(_NARROWINGS if len(step) else 0):
+            around = at + width * theta_around
+            at = np.take_along_axis(around, _newton_polynomials(coefficients, x, around).argmin(axis=0)[None], axis=0)[
+                0
+            ]
+            width *= float(theta_around[1, 0] - theta_around[0, 0])
+        narrow = _newton_polynomials(coefficients, x, at[None])[0]
+        least[contact, step] = np.where(inside, narrow, math.inf)
         unsure[contact, step] = _UNSURE[left + right]
     return least, unsure
+
+
+def _newton_polynomials(coefficients: Sequence[Vector], nodes: Vector, theta: Vector) -> Vector:
+    """Polynomials in Newton's form, one a column, at some arguments."""
+    value = np.zeros(np.broadcast_shapes(theta.shape, coefficients[0].shape))
+    for node, coefficient in zip(nodes[::-1], coefficients[::-1], strict=True):
+        value = value * (theta - node) + coefficient
+    return value
 
 
 def _restitution_and_speed(gap: float, rates: Vector, change: float, acceleration: float) -> tuple[float, float]:

@@ -131,7 +131,8 @@ class Estimate:
     :ivar can_estimate: whether any error can be estimated.
     :ivar worst: the largest error of a step; None if all are 0.  ``total`` is that of all steps.  Of both, angles are
         relative to 1 rad at least, as what they move is off by that part of its distance.
-    :ivar doubtful: steps in which contacts are least sure to be seen, with what their warnings name.
+    :ivar doubtful: steps in which contacts are least sure to be seen, with what their warnings name; ``divisions`` are
+        instants [s] that divide all steps in which one may not be seen.
     """
 
     def __init__(
@@ -174,6 +175,7 @@ class Estimate:
         self.worst: Worst | None = None
         self.total = 0.0
         self.doubtful: list[tuple[UnresolvedContact, tuple[str, str, str, int]]] = []
+        self.divisions: list[Vector] = []
 
     def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
         """The error that each step adds, relative to the largest value of the signal's unit in the run.
@@ -221,10 +223,11 @@ class Estimate:
             item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
             distance, size = watched.mechanism.contacts[0, 0], steps[latest]
             self._update_worst(increase[latest], times[latest], distance, item, size)
-            if doubtful is not None:
-                column = int(watched.mechanism.contacts[doubtful.contact, 0])
-                about = self._names[column], self._units[column], item.name, item.step_size_power - 1
-                self.doubtful.append((doubtful, about))
+            power = item.step_size_power - 1
+            for contact in doubtful[:1]:
+                column = int(watched.mechanism.contacts[contact.contact, 0])
+                self.doubtful.append((contact, (self._names[column], self._units[column], item.name, power)))
+            self.divisions += [contact.divisions(power) for contact in doubtful]
         return increase
 
     def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:

@@ -165,6 +165,11 @@ class Loop:
     def _arrays(self) -> tuple[NDArray[Any], ...]:
         return self.rows, self.times, self.result_times, self.after_break
 
+    def hide(self, instants: Vector) -> None:
+        """Leave points at these instants [s] out of the result."""
+        times = self.result_times[: self.done]
+        times[np.isin(times, instants)] = math.nan
+
     def result_rows(self) -> tuple[Indices, Vector]:
         """Indices of the rows in the result, and their times [s]."""
         rows = np.flatnonzero(~np.isnan(self.result_times[: self.done]))

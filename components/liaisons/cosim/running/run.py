@@ -41,6 +41,7 @@ from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import (
     connections_losing_impulses,
     contact_variables,
+    divisions_between,
     friction_variables,
     missing_impulses,
     warn_of_missing,
@@ -82,6 +83,8 @@ _LEAST_EXTRAPOLATED_STEP = 1e-4
 """Size of a step in which inputs are extrapolated, as differences are rounding, relative to one between points."""
 _MOST_IMPACTS = 1000
 """Most impacts of several FMUs in a communication step."""
+_MOST_DIVISIONS = 20
+"""Most instants that divide steps for contacts, for each communication point."""
 _LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 _UNNOTICED_DELAY = 1e-3
@@ -667,9 +670,23 @@ class Run:
             result = self.conclude()
         return add_warnings(result, (*self._warnings.texts, *last.texts))
 
-    def recorded_result(self) -> Result:
-        """The result of all that was recorded so far."""
+    def divisions_for_contacts(self) -> Vector:
+        """Instants [s] that divide steps in which a contact may be missed, or found in vain; sorted, none twice.
+
+        It needs :meth:`recorded_result`; there are none where steps are not to be divided.
+        """
+        if not self._breaks.divides or self._chooses_steps:
+            return np.empty(0)
+        return divisions_between(self._estimate.divisions, np.array(self._simulation.times))
+
+    def recorded_result(self, hidden: Vector | None = None) -> Result:
+        """The result of all that was recorded so far.
+
+        :param hidden: instants [s] of points that are not in it.
+        """
         simulation, loop = self._simulation, self._loop
+        if hidden is not None and hidden.size:
+            loop.hide(hidden)
         in_result, times = loop.result_rows()
         rows = loop.rows[in_result]
         values = np.ascontiguousarray(rows.T[self._columns])
@@ -698,9 +715,12 @@ class Run:
             warnings=simulation.warnings,
         )
 
-    def conclude(self) -> Result:
-        """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors."""
-        result = self.recorded_result()
+    def conclude(self, result: Result | None = None) -> Result:
+        """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors.
+
+        :param result: the recorded one, if it is known.
+        """
+        result = self.recorded_result() if result is None else result
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
         self._watchdog.warn(self._loop.rows[: self._loop.done], self._loop.times[: self._loop.done])
@@ -812,13 +832,14 @@ def run_to_end(
                         raise KeyboardInterrupt
 
                 run.finish(on_progress)
+            result = run.conclude() if real_time is not None else _with_contacts_found(simulation, run)
         except EndedError as ended:
             logger.warning("%s of %.10g s", ended, stop)
+            result = run.conclude()
         except (SimulationError, KeyboardInterrupt) as error:
             if run.reached() is None:
                 raise
-            failure = error
-        result = run.conclude()
+            failure, result = error, run.conclude()
         if verify and failure is None:
             result = _with_differences(simulation, result, run.instants)
     result = add_warnings(result, warned.texts)
@@ -828,6 +849,25 @@ def run_to_end(
         reached = f"{title}: interrupted at t = {run.reached():.10g} of {stop:.10g} s"
         raise Interrupted(f"{reached}; .result of this exception has the result so far", result)
     return result
+
+
+def _with_contacts_found(simulation: Simulation, run: Run, divisions: Vector | None = None) -> Result:
+    """The result of a run; if a contact may be missed, or found in vain, of another in shorter steps there.
+
+    :param divisions: instants [s] by which steps have been divided already, and which are not in the result.
+    """
+    divisions = np.empty(0) if divisions is None else divisions
+    result = run.recorded_result(hidden=divisions)
+    times = np.array(simulation.times)
+    more = run.divisions_for_contacts()
+    if not more.size or len(divisions) + len(more) > _MOST_DIVISIONS * len(times):
+        return run.conclude(result)
+    finer = np.union1d(times, more)
+    with suppress(SimulationError), Run(replace(simulation, times=finer.tolist())) as again:
+        again.start()
+        again.finish()
+        return _with_contacts_found(replace(simulation, times=finer.tolist()), again, np.union1d(divisions, more))
+    return run.conclude(result)
 
 
 def _with_differences(simulation: Simulation, result: Result, instants: Vector) -> Result:
