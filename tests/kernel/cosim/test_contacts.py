@@ -99,7 +99,7 @@ def test_a_touch_that_steps_may_miss_is_found(component: Callable[[str], Path], 
     system = wired("table.y -> ball.table", table=component("Sinusoid"), ball=component("BouncingBall"))
     values = {"table.amplitude": amplitude, "table.angular_frequency": omega, "table.phase": phase}
     values |= {"ball.height_0": start, "ball.height_dot_0": rate, "ball.bounce": KEPT}
-    run = system.with_start_values(values).simulate(stop_time=stop, step_size=step_size, tolerance=1e-10)
+    run = system.with_start_values(values).simulate(stop_time=stop, step_size=step_size, tolerance=1e-10, verify=True)
     assert not any("a contact may be missed" in warning for warning in run.warnings)
     assert len(run.time) == 1 + round(stop / step_size)  # steps are divided, the result is not
     first = int(np.argmax(rate * t - G / 2 * t**2 + start < amplitude * np.sin(omega * t + phase)))
@@ -110,3 +110,5 @@ def test_a_touch_that_steps_may_miss_is_found(component: Callable[[str], Path], 
     told = 3 * float(np.nansum(run.coupling_error)) * np.ptp(run["ball.gap"])  # the rates, of a polynomial of degree 5
     assert abs(start + rate * stop - G / 2 * stop**2 - after) > told
     np.testing.assert_allclose(run["ball.height"][-1], after, rtol=0, atol=1e-5 + told)  # read off to 1e-6 s
+    assert run.errors is not None
+    assert np.max(run.errors[run.names.index("ball.height")]) < 1e-5 + told  # what verifies it meets the table, too

@@ -832,16 +832,16 @@ def run_to_end(
                         raise KeyboardInterrupt
 
                 run.finish(on_progress)
-            result = run.conclude() if real_time is not None else _with_contacts_found(simulation, run)
+            result, instants = (run.conclude(), run.instants) if real_time else _with_contacts_found(simulation, run)
         except EndedError as ended:
             logger.warning("%s of %.10g s", ended, stop)
-            result = run.conclude()
+            result, instants = run.conclude(), run.instants
         except (SimulationError, KeyboardInterrupt) as error:
             if run.reached() is None:
                 raise
-            failure, result = error, run.conclude()
+            failure, result, instants = error, run.conclude(), run.instants
         if verify and failure is None:
-            result = _with_differences(simulation, result, run.instants)
+            result = _with_differences(simulation, result, instants)
     result = add_warnings(result, warned.texts)
     if isinstance(failure, SimulationError):
         raise IncompleteError(str(failure), result) from failure
@@ -851,8 +851,10 @@ def run_to_end(
     return result
 
 
-def _with_contacts_found(simulation: Simulation, run: Run, divisions: Vector | None = None) -> Result:
-    """The result of a run; if a contact may be missed, or found in vain, of another in shorter steps there.
+def _with_contacts_found(simulation: Simulation, run: Run, divisions: Vector | None = None) -> tuple[Result, Vector]:
+    """The result of a run, and the ends of its steps [s].
+
+    If a contact may be missed, or found in vain, they are those of another run, in shorter steps there.
 
     :param divisions: instants [s] by which steps have been divided already, and which are not in the result.
     """
@@ -861,13 +863,13 @@ def _with_contacts_found(simulation: Simulation, run: Run, divisions: Vector | N
     times = np.array(simulation.times)
     more = run.divisions_for_contacts()
     if not more.size or len(divisions) + len(more) > _MOST_DIVISIONS * len(times):
-        return run.conclude(result)
+        return run.conclude(result), run.instants
     finer = np.union1d(times, more)
     with suppress(SimulationError), Run(replace(simulation, times=finer.tolist())) as again:
         again.start()
         again.finish()
         return _with_contacts_found(replace(simulation, times=finer.tolist()), again, np.union1d(divisions, more))
-    return run.conclude(result)
+    return run.conclude(result), run.instants
 
 
 def _with_differences(simulation: Simulation, result: Result, instants: Vector) -> Result:
