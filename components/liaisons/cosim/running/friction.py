@@ -300,7 +300,7 @@ class Frictions:
         outputs = [*(port.mover_acceleration for port in ports), *(port.force for port in ports)]
         self._outputs = as_indices([signals.index[output] for output in outputs])
         self._factors = np.array([port.factors[k] for k in range(2) for port in ports])
-        self._nodes = [_Node(part, ports, instances[part.name], bus) for part in parts] if frictions else []
+        self._make_nodes = [partial(_Node, part, ports, instances[part.name], bus) for part in parts if frictions]
         loads = [(port.load, port.rate.source.reference) for port in ports if frictions]
         self._loads = [
             _Influence([load], rate, simulation, instances, signals=signals, bus=bus) for load, rate in loads
@@ -318,7 +318,7 @@ class Frictions:
 
         Each is left with inputs with which it chooses its part of them alone.
         """
-        nodes, count = [(node, node.pieces()) for node in self._nodes], self._count
+        nodes, count = [(node, node.pieces()) for node in (make() for make in self._make_nodes)], self._count
         ordered = sorted(
             islice(product(*(pieces for _, pieces in nodes)), _MOST_COMBINATIONS),
             key=lambda combination: sum(np.count_nonzero(piece.modes) for piece in combination),
