@@ -682,3 +682,28 @@ def test_waveform_coupling_takes_what_is_lighter_than_its_mover(
         words = r"block\.slip_sticks it pushes back with its mass, and must be lighter than what moves it: choose"
         with pytest.raises(IncompleteError, match=words):
             system.simulate(coupling="waveform", **settings)
+
+
+def test_modes_at_a_start_are_chosen_together(component: FmuPaths) -> None:
+    """Of four blocks a spring draws the third by 3.44 N, more than its grip of 2.88 N; the fourth goes with it.
+
+    Each FMU alone would hold the third: sliding, it feels the fourth, and its own push is less than its grip.
+    """
+    blocks = [
+        {"mass": 0.59066, "stiffness": 0.0, "mu_sliding": 0.26559, "mu_static": 0.3154, "x_0": -0.070339},
+        {"mass": 4.8206, "stiffness": 0.0, "mu_sliding": 0.42903, "mu_static": 0.51414, "x_0": 0.020038},
+        {"mass": 0.39281, "stiffness": 57.0, "mu_sliding": 0.41388, "mu_static": 0.74823, "x_0": 0.060416},
+        {"mass": 1.423, "stiffness": 0.0, "mu_sliding": 0.25943, "mu_static": 0.38954, "x_0": 0.085324},
+    ]
+    system = System("Stack")
+    added = [system.add(f"b{i}", component("DryOscillator"), start_values=block) for i, block in enumerate(blocks)]
+    for lower, upper in pairwise(added):
+        system.connect(lower["x"], upper["belt"])
+    run = system.simulate(stop_time=0.05, step_size=0.01, tolerance=1e-10)
+    third, fourth = blocks[2:]
+    drag = third["mu_sliding"] * third["mass"] * 9.81
+    acceleration = (drag - third["stiffness"] * third["x_0"]) / (third["mass"] + fourth["mass"])
+    assert [run[f"b{i}.slip_sticks"][0] for i in range(4)] == [1, 1, 0, 1]
+    np.testing.assert_allclose(
+        [run[f"b{i}.x_ddot"][0] for i in range(4)], [0, 0, acceleration, acceleration], rtol=1e-9, atol=1e-9
+    )  # rounding, as differences of forces of 10 N over masses of 1 kg
