@@ -318,20 +318,17 @@ class Frictions:
 
         Each is left with inputs with which it chooses its part of them alone.
         """
-        nodes, count = [(node, node.pieces()) for node in (make() for make in self._make_nodes)], self._count
+        nodes = [(node, node.pieces()) for node in (make() for make in self._make_nodes)]
         ordered = sorted(
             islice(product(*(pieces for _, pieces in nodes)), _MOST_COMBINATIONS),
             key=lambda combination: sum(np.count_nonzero(piece.modes) for piece in combination),
         )
         for combination in ordered:
-            matrix, right = np.eye(2 * count), np.zeros(2 * count)
             chosen = list(zip(nodes, combination, strict=True))
-            for (node, _), piece in chosen:
-                some = slice(len(node.outputs_of))
-                matrix[np.ix_(node.outputs_of, node.inputs_of)] -= piece.slopes[some]
-                right[node.outputs_of] += piece.at(np.zeros(len(piece.inputs)))[some]
-            z = np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
+            z = self._agreed([(node, piece) for (node, _), piece in chosen])
             if not all(node.is_consistent(piece, own, z[node.inputs_of]) for (node, own), piece in chosen):
+                continue
+            if not all(self._must_slide(k, nodes, combination, z) for k in range(len(nodes))):
                 continue
             for (node, _), piece in chosen:
                 if node.respond(z[node.inputs_of])[0] != piece.modes:
@@ -339,6 +336,28 @@ class Frictions:
             self._signals.now[self._outputs] = z / self._factors
             return True
         return False
+
+    def _must_slide(
+        self, k: int, nodes: Sequence[tuple[_Node, list[_Piece]]], combination: Sequence[_Piece], z: Vector
+    ) -> bool:
+        """Whether what a node would let stick alone could not do so with the others as they are."""
+        node, own = nodes[k]
+        modes = node.respond(z[node.inputs_of])[0]
+        if modes == combination[k].modes:
+            return True
+        held = [*combination]
+        held[k] = next(piece for piece in own if piece.modes == modes)
+        other = self._agreed([(one, piece) for (one, _), piece in zip(nodes, held, strict=True)])
+        return node.respond(other[node.inputs_of])[0] != modes
+
+    def _agreed(self, chosen: Sequence[tuple[_Node, _Piece]]) -> Vector:
+        """Accelerations and forces on which nodes agree in some modes."""
+        matrix, right = np.eye(2 * self._count), np.zeros(2 * self._count)
+        for node, piece in chosen:
+            some = slice(len(node.outputs_of))
+            matrix[np.ix_(node.outputs_of, node.inputs_of)] -= piece.slopes[some]
+            right[node.outputs_of] += piece.at(np.zeros(len(piece.inputs)))[some]
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
     def begins_to_slide(self, values: Vector, size: float) -> bool:
         """Whether any dry friction slides without a velocity; ``size`` of a step [s]."""
