@@ -51,7 +51,9 @@ class State(dict[str, float]):
         equations = equations_of(self.component)
         expression: ca.SX = what  # type: ignore[assignment]
         if isinstance(what, str):
-            expression = getattr(equations if hasattr(equations, what) else equations.mechanism, what)
+            expression = getattr(equations, what, None)
+            if not isinstance(expression, ca.SX):  # an output of the mechanism, such as inertia
+                expression = getattr(equations.mechanism, what)
         function = ca.Function("value", [*equations.symbols.values()], [ca.densify(equations.in_motion(expression))])
         value = np.asarray(function(*equations.numbers(self).values()))
         return value.item() if value.size == 1 else np.squeeze(value)

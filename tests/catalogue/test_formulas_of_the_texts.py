@@ -36,7 +36,7 @@ def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length() -> None:
         printed = (-weight + n.friction * p) / inertia
         # K eq. 67; cancellation of the weight's power
         assert n.theta_dot * (inertia * theta_ddot + weight) == pytest.approx(-loss, rel=1e-11)
-        assert n.theta_dot * (inertia * printed + weight) == pytest.approx(+loss, rel=1e-11)
+        assert n.theta_dot * (inertia * printed + weight) == pytest.approx(+loss, rel=1e-12)
 
 
 # ---- K 5.1: the oscillator ---------------------------------------------------------------------------------------

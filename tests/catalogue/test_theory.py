@@ -67,7 +67,7 @@ def test_crouch_schedule_meets_the_lowest_and_the_turning_points() -> None:
         # At the bottom θ = 0, at a turning point p = 0 and |θ| the next amplitude: a hundred tolerances.
         assert abs(theta if k % 2 == 0 else momentum) <= 1e-9
         if k % 2:
-            assert abs(theta) == pytest.approx(amplitudes[(k + 1) // 2], abs=1e-9)
+            assert abs(theta) == pytest.approx(amplitudes[(k + 1) // 2], abs=1e-12)
     with pytest.raises(ValidityError, match="over the top"):
         Pendulum.crouch_schedule(30, theta_0=0.4, **lengths)
 

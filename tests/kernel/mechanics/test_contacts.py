@@ -287,7 +287,7 @@ def test_constraints_and_a_floor(fmu: Callable[..., Path]) -> None:
     """Its bounces end on the floor, where rod and floor hold it."""
     start = {"x_0": np.sin(1.0), "z_0": 1 - np.cos(1.0)}
     run, by_hand = simulate(fmu(FlooredPendulum), **RUN, **start), simulate(fmu(FlooredAngle), **RUN)
-    assert run["x"] == pytest.approx(np.sin(by_hand["theta"]), abs=1e-9)
+    assert run["x"] == pytest.approx(np.sin(by_hand["theta"]), abs=1e-13)
     assert run["gap_closed"][-1]
     same_motion(run, by_hand, {"gap": "gap", "gap_impulse": "gap_impulse", "gap_force": "gap_force"})
 
@@ -322,9 +322,9 @@ def test_skate_runs_back_from_a_wall_on_a_circle(fmu: Callable[..., Path]) -> No
     hits = np.arcsin(wall * omega) / omega
     v = np.where(run.time < hits, 1.0, -e)
     x = np.where(run.time < hits, 0.0, wall * (1 + e)) + v * np.sin(omega * run.time) / omega
-    np.testing.assert_allclose(run["x"], x, rtol=0, atol=1e-9)
-    assert run["heading"] == pytest.approx(omega * run.time, abs=1e-9)
-    assert run["gap_impulse"][-1] == pytest.approx(2.0 * (1 + e) / np.cos(omega * hits), abs=1e-9)
+    np.testing.assert_allclose(run["x"], x, rtol=0, atol=1e-13)
+    assert run["heading"] == pytest.approx(omega * run.time, abs=1e-13)
+    assert run["gap_impulse"][-1] == pytest.approx(2.0 * (1 + e) / np.cos(omega * hits), abs=1e-13)
     assert abs(run["energy_balance"]).max() < 1e-9
 
 
@@ -388,7 +388,7 @@ def test_blocks_that_slide_together_oscillate_about_two_places(fmu: Callable[...
         end = np.pi + turn if shift > 0 else -turn
         begin, x, v = begin + (end - phase) / omega, size * np.cos(end) + 2 * shift, rate
         shift = -shift
-    np.testing.assert_allclose(run["x"], np.transpose([expected] * 3), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run["x"], np.transpose([expected] * 3), rtol=0, atol=1e-11)
     assert not run["slip_sticks"].any()
 
 
@@ -687,7 +687,7 @@ def test_contacts_beside_a_chain(tmp_path: Path) -> None:
         "chain.u[1]": "u[1]"
     }
     for name, other in names.items():
-        np.testing.assert_allclose(run[name], by_hand[other], rtol=0, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(run[name], by_hand[other], rtol=0, atol=1e-13, err_msg=name)
     assert run["bumper.gap_impacts"][-1] == 1
     assert abs(run["bumper.energy_balance"]).max() < 1e-9
 

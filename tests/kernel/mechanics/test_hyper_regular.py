@@ -263,7 +263,7 @@ def test_charge_turns_slower_as_its_plane_moves(folder: Path) -> None:
     velocity = start * speed / gamma * np.exp(-1j * angle)
     np.testing.assert_allclose(run["x_dot"] + 1j * run["y_dot"], velocity, rtol=0, atol=1e-9)
     theta = m * across / (1 - (sigma_dot / c) ** 2) ** 1.5
-    np.testing.assert_allclose(run["height_force"], theta * sigma_ddot, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run["height_force"], theta * sigma_ddot, rtol=0, atol=1e-11)
     assert np.max(np.abs(run["energy_balance"])) < 1e-9 * run["energy"][0]
 
 
@@ -312,7 +312,7 @@ def test_momenta_without_velocities_are_refused_by_name(tmp_path: Path) -> None:
     path = build(Bounded, tmp_path)
     settings: Any = {"step_size": 0.1, "x_force": 0.5}
     run = simulate(path, stop_time=1.0, **settings)
-    assert run["x_dot"][-1] == pytest.approx(0.5 / np.sqrt(1 - 0.25), rel=1e-9)
+    assert run["x_dot"][-1] == pytest.approx(0.5 / np.sqrt(1 - 0.25), rel=1e-13)
     with pytest.raises(LiaisonsError, match=r"x_dot must follow from p_x by Newton's method, in its 12 steps"):
         simulate(path, stop_time=3.0, **settings)
 

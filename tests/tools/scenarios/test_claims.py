@@ -58,7 +58,7 @@ def test_the_energy_that_is_nearest_to_its_bound_counts() -> None:
     runs = run(-2e-9, 30.0), run(1e-9, 0.1, "swing.")
     verdict = judged(lambda claim: claim.energy("", *runs, tolerance=1e-8))
     assert (verdict.error, verdict.unit) == (1e-9, "J")
-    assert verdict.tolerance == pytest.approx(10 * 1e-8 * 0.1 * 5.0, rel=1e-12)
+    assert verdict.tolerance == pytest.approx(10 * 1e-8 * 0.1 * 5.0, rel=1e-14)
 
 
 @pytest.mark.parametrize(
