@@ -16,7 +16,8 @@ import pytest
 from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, start, sweep
 from liaisons.cosim import Settings
 from liaisons.errors import LiaisonsError, ProjectError
-from liaisons.library import variables
+from liaisons.library import fmu_file, variables
+from liaisons.library.unchanged import is_unchanged
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain
 
@@ -208,3 +209,31 @@ def test_variables_of_a_file_complete(tmp_path: Path, version: str, entry: str) 
     (tmp_path / "x.fmu").write_bytes(b"no archive")
     for nothing in (str(tmp_path / "x.fmu"), str(tmp_path), "", "Pendulim", "mine.py"):
         assert variables(nothing) == []
+
+
+def test_an_fmu_of_the_catalogue_that_has_not_changed_is_taken_as_it_is(monkeypatch) -> None:
+    path = fmu_path("Pendulum")
+    built: list[object] = []
+    monkeypatch.setattr("liaisons.library.fmus.fmu_path", lambda target: built.append(target) or path)
+    assert fmu_file("Pendulum") == path
+    assert built == []
+    os.utime(path, ns=(1, 1))  # another file of this name
+    assert fmu_file("Pendulum") == path
+    assert built == ["Pendulum"]
+
+
+def test_an_fmu_is_looked_at_anew_where_sources_have_changed(monkeypatch) -> None:
+    path = fmu_path("Pendulum")
+    assert is_unchanged(path)
+    monkeypatch.setenv("CPATH", "/elsewhere")
+    assert not is_unchanged(path)
+    monkeypatch.delenv("CPATH")
+    monkeypatch.setattr("liaisons.library.unchanged._sources", lambda: "others")
+    assert not is_unchanged(path)
+    path.unlink()
+    assert not is_unchanged(path)
+
+
+def test_fmus_with_sizes_are_not_noted() -> None:
+    assert not is_unchanged(fmu_path(PendulumChain, n=2))
+    assert is_unchanged(fmu_path(Constant))

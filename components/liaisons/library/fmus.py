@@ -18,6 +18,7 @@ from liaisons.base.logs import logger
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published_component, own_components, published_components, publishers
 from liaisons.errors import LiaisonsError, suggestion
+from liaisons.library.unchanged import is_unchanged, note_unchanged
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -279,6 +280,10 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
         reserve_fmu(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
         _built[key] = path, file_identity(path)
+        name = class_.__name__
+        plain = not sizes and backend == "auto" and path == folder / f"{name}.fmu"
+        if plain and class_ is _catalogue_component(name):
+            note_unchanged(path)
     return path
 
 
@@ -352,7 +357,9 @@ def fmu_file(target: Target) -> Path:
         return path
     if not _is_source(path.name) and not is_named(str(target)):
         raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), component_names())}")
-    return fmu_path(target)
+    name = str(target)
+    unchanged = fmus_directory() / f"{name}.fmu"
+    return unchanged if name in catalogue_names() and is_unchanged(unchanged) else fmu_path(target)
 
 
 def _is_source(name: str) -> bool:

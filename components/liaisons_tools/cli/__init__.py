@@ -60,7 +60,10 @@ def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
 
     from liaisons_tools.cli._command import application
 
-    order = [import_module(f"liaisons_tools.cli.{name}").__name__ for name in _MODULES]
+    # One command needs its own module; help, and what is misspelt, all of them.
+    modules = arguments[:1] if arguments[:1] and arguments[0] in _MODULES else _MODULES
+    order = [import_module(f"liaisons_tools.cli.{name}").__name__ for name in modules]
+    order += sorted({command.callback.__module__ for command in application.registered_commands if command.callback})
     application.registered_commands.sort(key=lambda command: order.index(getattr(command.callback, "__module__", "")))
 
     try:
