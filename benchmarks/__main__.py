@@ -1,6 +1,6 @@
 """Measure everything, write the tables of benchmarks/README.md, and the diagrams and figures in benchmarks/results.
 
-    python benchmarks [--only peers,chains] [--quick] [--output FOLDER]
+    python benchmarks [NAME ...] [--only peers,chains] [--quick] [--output FOLDER]
     python benchmarks --check [--only peers,chains]
 
 Each script runs as a process of its own.  What is not measured this time keeps its figures from before: --only ""
@@ -44,6 +44,7 @@ ORDER = (
     "planners",
     "identify_peers",
     "contacts",
+    "referee",
 )
 MOST_TRIES = 3  # of a section, when it is checked
 QUIET = 0.2  # cores that others may keep busy
@@ -53,13 +54,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("names", metavar="NAME", nargs="*", help="the same as --only")
     parser.add_argument("--only", metavar="NAME,NAME", default=",".join(ORDER), help="of: %(default)s")
     parser.add_argument("--quick", action="store_true", help="few rounds, small sizes: to try, not to quote")
     parser.add_argument("--output", type=Path, help="for README.md and results/; by default here, if quick nowhere")
     parser.add_argument("--patience", type=float, default=300.0, help="seconds to wait for a quiet machine, each time")
     parser.add_argument("--check", action="store_true", help="name what is worse than on the page")
     options = parser.parse_args()
-    names = [name for name in options.only.split(",") if name]
+    names = options.names or [name for name in options.only.split(",") if name]
     if unknown := set(names) - set(ORDER):
         parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(ORDER)}")
     if options.check:

@@ -1,0 +1,1 @@
+"""Who moves a joint rightly? Tasks and engines."""
