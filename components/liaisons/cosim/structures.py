@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from ctypes import Array, Structure, addressof, c_bool, c_double, c_int, c_size_t, c_ssize_t, c_void_p, memmove
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,13 @@ SavedRecord = tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]
 
 
 class Record(Structure):
-    """A structure of C, which keeps in ``targets`` what its pointers point to."""
+    """A structure of C, which keeps in ``targets`` what its pointers point to.
+
+    :ivar remembered: names of the arrays that compiled code writes, and reads in later steps.
+    """
 
     targets: dict[str, Any]
+    remembered: ClassVar[tuple[str, ...]] = ()
 
     def point(self, **targets: NDArray[Any] | Array[Any] | Structure) -> None:
         """Set pointers, by their names, to arrays or structures, which are kept alive."""
@@ -29,9 +33,9 @@ class Record(Structure):
             setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
 
     def save(self) -> SavedRecord:
-        """Copy of the fields and of the arrays that they point to, for :meth:`restore`."""
+        """Copy of the fields and of the arrays that are remembered, for :meth:`restore`."""
         targets = dict(vars(self).get("targets", {}))
-        arrays = [array for array in targets.values() if isinstance(array, np.ndarray)]
+        arrays = [targets[name] for name in self.remembered if name in targets]
         return bytes(self), targets, [(array, array.copy()) for array in arrays]
 
     def restore(self, saved: SavedRecord) -> None:

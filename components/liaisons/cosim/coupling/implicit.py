@@ -15,6 +15,7 @@ from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.explicit import CommunicationCalls
 from liaisons.cosim.coupling.node import INSIDE, Node, Phase
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
@@ -31,7 +32,7 @@ _ROOM = 17
 class Coupled:
     """All strong components of a system; each step is repeated until inputs and outputs agree.
 
-    :ivar memory: what a repeated step restores.
+    :ivar calls: those of initialization, an instant and a step.
     :ivar error_order: order in H of the error of a step: that of the coarsest polynomial.
     """
 
@@ -67,13 +68,20 @@ class Coupled:
             if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
                 leading[component_of[source]].append(signals.curve(target))
         *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
-        self.memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
+        self._memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
         library = compiled.step_library()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._system_record()
         advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
-        self.advance = advance.set_record(COUPLED, addressof(self._record)).set_failure("couple", self._raise_failure)
+        advance.set_record(COUPLED, addressof(self._record)).set_failure("couple", self._raise_failure)
+        read = [
+            instances[name].getter([parts[name].fmu.variables[v] for _, v in references], bus.view(references))
+            for name, references in bus.recorded_only.items()
+            if references
+        ]
+        initial, later = (Call(self.solve_at_instant, initial=initial) for initial in (True, False))
+        self.calls = CommunicationCalls([initial], [later, *read], [advance, *read])
 
     def _system_record(self) -> SystemRecord:
         """Prepare the system for compiled code."""
@@ -115,7 +123,7 @@ class Coupled:
 
     def reset(self) -> None:
         """Forget all steps, before a run starts again."""
-        self.memory.reset()
+        self._memory.reset()
         self.signals.sizes[:] = 0.0
         self.signals.result[:] = 0.0
         for component in self._components:
@@ -134,7 +142,7 @@ class Coupled:
             self._solve(component, "initialization" if initial else "instant")
         self.signals.before[:] = self.signals.now
 
-    def cross_break(self) -> None:
+    def cross(self) -> None:
         """Make the tiny step to a break with extrapolated inputs, and start the piece behind it."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before
@@ -146,11 +154,16 @@ class Coupled:
                 self._solve(component, "crossing", self._bus.size.value)
         finally:
             signals.held[:] = held
-        self.forget_past()
+        self._forget()
         self.solve_at_instant(initial=False)
+        self._bus.perform(self.calls.step[1:])
 
     def forget_past(self) -> None:
         """Forget the points before the present one, and the derivatives of outputs by inputs."""
+        self._bus.set_step(self._bus.end.value, self._bus.end.value)
+        self._forget()
+
+    def _forget(self) -> None:
         for component in self._components:
             component.forget_derivatives()
         self.signals.since[:] = 0.0
@@ -159,12 +172,12 @@ class Coupled:
 
     def save(self) -> list[Any]:
         """The state of the coupling, for :meth:`restore`."""
-        return [self.memory.save(), self.signals.sizes.copy(), [matrix.save() for matrix in self._matrices]]
+        return [self._memory.save(), self.signals.sizes.copy(), [matrix.save() for matrix in self._matrices]]
 
     def restore(self, saved: Sequence[Any]) -> None:
         """Restore a saved state; the steps that follow repeat to the last bit."""
         memory, self.signals.sizes[:], matrices = saved
-        self.memory.restore(memory)
+        self._memory.restore(memory)
         for matrix, content in zip(self._matrices, matrices, strict=True):
             matrix.restore(content)
 

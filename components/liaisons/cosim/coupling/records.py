@@ -24,6 +24,7 @@ class EliminationRecord(Record):
     """See :class:`liaisons.cosim.coupling.elimination.Elimination`."""
 
     _fields_ = _fields("Elimination")
+    remembered = ("pivots", "upper", "lower")
 
 
 @final

@@ -1,10 +1,6 @@
-"""Breaks: instants at which the source of an input jumps, or one of its first two derivatives does.
+"""Breaks of functions of time that do not say where they break, and deviations from the polynomials of inputs.
 
-FMUs announce them by a variable, functions of time by their ``breaks``.  Between two of them, in a *piece*, every
-signal is smooth, and no polynomial crosses one.  A communication step ends shortly before a break; a tiny one, in which
-every input is extrapolated, leads to it, and there the next piece starts with the limits from the right.
-
-Where a function of time does not say where it breaks, its deviation d from the polynomial that an input follows tells.
+The deviation d of a function from the polynomial that an input follows tells where it breaks.
 It shrinks, where the step is halved, by 2⁴ for a cubic and 2⁶ for a quintic; in the half that has a jump of the value
 not at all, of the rate by 2, of the acceleration by 4.  So bisection finds these, to where the deviation is rounding,
 and tells them from functions that are merely fast.
@@ -19,22 +15,13 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.clocks import CLOCK_ERROR, time_rounding
+from liaisons.base.clocks import time_rounding
 from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Memory, Vector
-from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 
-_NEVER = 1e300
-"""An announced instant beyond this is none: FMUs announce the largest floating-point number [s]."""
-_SHORT = 1e-9
-"""Size of the tiny step to a break, relative to a communication step."""
-_APART = 4 * CLOCK_ERROR
-"""The same, relative to a period of samples, which FMUs of ours take by one CLOCK_ERROR too early."""
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _NODES = (1 + _ROOTS) / 2
 """Gauss's nodes in a step: exact for the remainders of all polynomials that inputs follow."""
@@ -54,62 +41,6 @@ _MOST = 20
 """Most breaks in a step that are searched for."""
 _OFTEN = 3
 """Number of steps with more breaks from which on a function is not searched any more."""
-
-
-@final
-class Breaks:
-    """The breaks of a simulation, in order of time.
-
-    :ivar divides: whether all FMUs take steps of any size, so that steps can end at breaks.
-    :ivar are_samples: whether all breaks are those of sampled FMUs, whose outputs hold between them.
-    :ivar next: the next break [s], infinite if there is none; may be set to an earlier one.
-    """
-
-    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
-        parts, sources = simulation.parts, {name for name, _ in simulation.feeds.values()}
-        self.divides = all(part.fmu.variable_step for part in parts.values())
-        events = {
-            name: event
-            for name, part in parts.items()
-            if self.divides and name in sources and (event := part.fmu.next_event_variable)
-        }
-        self.are_samples = not simulation.drives and all(parts[name].fmu.has_sampled_outputs for name in events)
-        self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)
-        self._bus = bus
-        self._announced = np.zeros(len(events))
-        self._calls: list[Call] = [
-            instances[name].getter([event], self._announced[k : k + 1])
-            for k, (name, event) in enumerate(events.items())
-        ]
-        self._drives = simulation.drives
-        self.next = math.inf
-
-    def begin_piece(self, time: float) -> None:
-        """Start a smooth piece at an instant [s]: there, functions of time return their limits from the right."""
-        for drive in self._drives:
-            drive.begin_piece(time)
-
-    def tiny_step(self, time: float, size: float) -> float:
-        """Size of the tiny step to a break at a time, beside steps of some size [s]."""
-        return max(_SHORT * size, 10 * time_rounding(time), self._nearest)
-
-    def save(self) -> float:
-        """The next break [s], for :meth:`restore`."""
-        return self.next
-
-    def restore(self, saved: float) -> None:
-        """Set the next break to a saved one [s]."""
-        self.next = saved
-
-    def find_next(self, time: float) -> None:
-        """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
-        if not (self._calls or self._drives):
-            return
-        self._bus.perform(self._calls)
-        instants: list[float] = self._announced.tolist()
-        if self.divides:
-            instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
-        self.next = min((t for t in instants if time + time_rounding(time) < t < _NEVER), default=math.inf)
 
 
 class _Comparison(NamedTuple):
@@ -172,17 +103,18 @@ class Deviations:
         steps = np.diff(times)
         return np.hstack([_deviation_integrals(one.off, steps) for one in compared])[:many]
 
-    def integrate(self, start: float, end: float, *, locate: bool = True) -> float:
-        """Put the integrals between two instants [s] on the bus.
+    def integrals(self, times: Vector) -> Vector:
+        """The integrals of steps between instants [s], in which nothing is searched for; shape (steps, columns)."""
+        off, steps = [_deviations(drive, times)[0] for drive in self._drives], np.diff(times)
+        return np.hstack([_deviation_integrals(one, steps) for one in off])
 
-        :param locate: search for breaks, too.
+    def integrate(self, start: float, end: float) -> float:
+        """Put the integrals between two instants [s] on the bus, and search for breaks between them.
+
         :returns: the first break after the start and not after the end [s]; infinite if there is none.
         """
         times = np.array([start, end])
         if not self._drives:
-            return math.inf
-        if not locate:
-            self._values[:] = [_deviation_integrals(_deviations(d, times)[0][0], end - start) for d in self._drives]
             return math.inf
         compared = [self._compare_drive(k, times) for k in range(len(self._drives))]
         self._values[:] = [_deviation_integrals(one.off[0], end - start) for one in compared]

@@ -132,6 +132,19 @@ class Loop:
         time = float(self.result_times[self.done - 1])
         return self.end if math.isnan(time) else time
 
+    @property
+    def begins_piece(self) -> bool:
+        """Whether the last point is the start or a break."""
+        return self.done == 1 or bool(self.after_break[self.done - 1])
+
+    def join(self, steps: int, *, in_result: bool) -> None:
+        """Make one step of the last ones, at whose end is a point of the result or none."""
+        first, last = self.done - steps, self.done - 1
+        for array in (self.rows, self.times):
+            array[first] = array[last]
+        self.truncate(first + 1)
+        self.result_times[first] = self.times[first] if in_result else math.nan
+
     def begin_piece(self, tiny_step: float) -> None:
         """Make a break of the last point, and lead a tiny step to it [s]."""
         last = self.done - 1

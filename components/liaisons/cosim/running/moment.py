@@ -11,6 +11,8 @@ from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.errors import SimulationError
 
 FmuStates = Sequence[tuple[Call, Call]]
 """Calls that save and restore each FMU; they hold its state."""
@@ -111,3 +113,14 @@ class Moments:
 def state_calls(instances: Instances) -> FmuStates:
     """Prepare calls that save and restore each FMU."""
     return [instance.save_and_restore_calls() for instance in instances.values()]
+
+
+def check_goes_back(simulation: Simulation) -> None:
+    """Check that all FMUs can return to a state.
+
+    :raises SimulationError: naming one that cannot.
+    """
+    for name, part in simulation.parts.items():
+        if not part.fmu.can_get_and_set_state:
+            words = f"{name} ({part.fmu.path.name}) cannot go back: its canGetAndSetFMUstate is false"
+            raise SimulationError(f"{simulation.title}: {words}; start another run")

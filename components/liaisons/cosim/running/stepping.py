@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import final
+from collections.abc import Sequence
+from typing import NoReturn, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.running.kernel import Kernel
 from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Feeds
@@ -70,3 +72,27 @@ class FreeInput:
             same = self.values.item() == numbers
             self.values.fill(numbers)
         return not same
+
+
+def refuse_step(kernel: Kernel) -> NoReturn:
+    """Say why there is no next communication point to which a caller can step."""
+    simulation, progress = kernel.simulation, kernel.progress
+    words = f"it has reached its end, t = {kernel.recorder.time:.10g} s; give a later stop_time"
+    if simulation.adapts or simulation.error_tolerance is not None:
+        words = "errors choose its steps; give step_size, and leave error_tolerance out"
+    raise SimulationError(f"{simulation.title}: {progress.end or words}")
+
+
+def one_number_each(title: str, inputs: Sequence[str], values: ArrayLike) -> list[float]:
+    """Values of inputs in an array as numbers.
+
+    :param title: of the simulation; ``inputs``: names.
+    :raises SimulationError: unless there is one for each.
+    """
+    try:
+        numbers = np.asarray(values)
+    except ValueError:  # of several lengths
+        numbers = float_array("inputs", values)
+    if numbers.shape != (len(inputs),):
+        raise SimulationError(f"{title}: inputs = {shown(values)}: give one number for each of {inputs}")
+    return numbers.tolist()

@@ -8,7 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
@@ -36,6 +36,22 @@ class RunVariables:
         if not isinstance(name, str):
             raise SimulationError(f"{self._simulation.title}: variables go by name, {shown(name)} is none")
         return self._simulation.recorded.get(name) or self._simulation.document.reference("variable", name)
+
+    def columns(self, names: Sequence[str]) -> Indices:
+        """Columns of the bus of variables that are recorded or connected.
+
+        :raises SimulationError: for another one.
+        """
+        columns = [self._bus.index.get(self.reference(name)) for name in names]
+        if None in columns:
+            words = f"{names[columns.index(None)]} is not recorded; name it in record=[...]"
+            raise SimulationError(f"{self._simulation.title}: {words}")
+        return as_indices(columns)
+
+    def recorded(self) -> dict[str, float]:
+        """Present values of what is in the result."""
+        recorded = self._simulation.recorded
+        return dict(zip(recorded, self._bus.values[self._bus.columns(recorded.values())].tolist(), strict=True))
 
     def free_input(self, name: str) -> FreeInput:
         """The input of a name.

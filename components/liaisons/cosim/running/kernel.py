@@ -1,0 +1,233 @@
+"""All FMUs of a run as one program of prepared calls: it starts, settles at an instant, steps, and crosses a break.
+
+All connected and recorded numbers lie in one array, the *bus*.  FMUs read into it and are set from it, each by one
+prepared call for all its variables, and a row of the recording is one copy of it.  Steps make no list and look nothing
+up, so that one costs little more than the bare calls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol, final
+
+import numpy as np
+
+from liaisons.base.arguments import shown
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.explicit import Explicit, MasterAlgorithm
+from liaisons.cosim.coupling.signals import connected_port_outputs
+from liaisons.cosim.instances.protocol import Instance, Loaded
+from liaisons.cosim.running.breaks import Deviations
+from liaisons.cosim.running.loop import Loop
+from liaisons.cosim.running.moment import Moment, Moments, Progress, Remembering
+from liaisons.cosim.running.timeline import Timeline
+from liaisons.cosim.structure import schedule
+from liaisons.cosim.structure.components import Components
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.errors import RefusedError, SimulationError, suggestion
+
+_FEW_POINTS = 1024
+"""Points for which there is room at first in a run without an end."""
+
+
+class Happening(Protocol):
+    """What happens within steps, as impacts do."""
+
+    def advance(self, ends: Sequence[float], *, in_result: bool) -> int:
+        """Step to the first instant [s], or across the first event before it; returns whether it was reached."""
+        ...
+
+    def initialize(self, solve: Callable[[], None]) -> None:
+        """Solve the equations of initialization, with what happens there."""
+        ...
+
+
+@final
+class Kernel:
+    """The FMUs of a run, and all that it remembers.
+
+    :param watched: variables that are on the bus beside those that are connected or in the result.
+    :ivar algorithm: the coupling; ``recorder`` makes and records its steps.
+    :ivar timeline: the breaks; ``deviations`` finds those that nothing announces.
+    :ivar are_samples: whether all breaks are samples, to which steps lead as to any other point.
+    :ivar progress: how far the run has come.
+    """
+
+    def __init__(
+        self, simulation: Simulation, instances: Mapping[str, Instance], watched: Iterable[VariableReference]
+    ) -> None:
+        self.simulation, self.instances = simulation, instances
+        parts, feeds = simulation.parts, simulation.feeds
+        also = connected_port_outputs(parts, feeds) if simulation.iterates else []
+        order = schedule.execution_order([SIGNALS, *parts], feeds)
+        self.bus = bus = Bus(order, feeds, also, [*simulation.recorded.values(), *watched], simulation.conversions)
+        self.algorithm: MasterAlgorithm = _algorithm(simulation)(simulation, instances, bus)
+        self.deviations = Deviations(simulation.drives, bus, simulation.step_tolerance)
+        self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
+        self._batch = 1  # steps for which functions of time are evaluated at once
+
+    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], run: object, *, estimates: bool) -> None:
+        """Prepare steps and moments, once the bus is as wide as it becomes.
+
+        :param watch: calls that may refuse a step after it.
+        :param owners: what else remembers anything from step to step.
+        :param run: what moments are of.
+        :param estimates: whether errors are estimated.
+        """
+        parts, fed = self.simulation.parts, {name for name, _ in self.simulation.feeds}
+        reads_samples = any(parts[name].approximation.holds_by_choice for name in fed)
+        self._at_instant = self.algorithm.calls.instant
+        self._estimates, self._halves = estimates, self.timeline.divides and estimates and not reads_samples
+        itself = estimates or self.simulation.iterates or any(p.approximation.takes_end_values for p in parts.values())
+        self.are_samples = self.timeline.are_samples and not itself
+        times, own = self.simulation.times, (self.algorithm, *self.simulation.drives, self.deviations.memory)
+        capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
+        self.recorder = Loop([*self.algorithm.calls.step, *watch], self.bus, capacity)
+        owners = [self.recorder, *own, self.timeline, self.progress, *owners]
+        self.moments = Moments(run, self.instances, self.bus, owners)
+
+    def start(
+        self, parts: Components, first: Iterable[Call], last: Iterable[Call], happening: Happening | None = None
+    ) -> None:
+        """Initialize all FMUs at the start time.
+
+        :param parts: the components with their start values.
+        :param first: calls that take FMUs to where they begin; ``last``: those after initialization.
+        :param happening: what may happen at the start, too.
+        """
+        simulation, bus, calls = self.simulation, self.bus, self.algorithm.calls
+        begin, end = simulation.times[0], simulation.times[-1]
+        self.recorder.truncate(0)
+        self.progress.reset()
+        bus.set_step(begin, begin)
+        self.timeline.begin_piece(begin)
+        self.deviations.memory.reset()
+        bus.perform(first)
+        bus.values[:] = 0.0
+        self.algorithm.reset()
+        for name, instance in self.instances.items():
+            tolerance = simulation.tolerance or parts[name].fmu.experiment.tolerance
+            instance.initialize(parts[name].starts, tolerance, begin, end)
+        if happening is None:
+            bus.perform(calls.initialization)
+        else:
+            happening.initialize(lambda: bus.perform(calls.initialization))
+        for instance in self.instances.values():
+            instance.exit_initialization()
+        bus.perform(calls.instant)
+        bus.perform(last)
+        self.recorder.add(begin, bus.values, result_time=begin)
+        self.timeline.find_next(begin)
+
+    @property
+    def halves_first_step(self) -> bool:
+        """Whether the next step is the first of a smooth piece, to be halved for the estimate if it is the only one."""
+        return self._halves and self.recorder.begins_piece
+
+    def save(self) -> Moment:
+        """Save the present state."""
+        return self.moments.save(self.recorder.end)
+
+    def begin_piece(self, size: float) -> None:
+        """Begin a smooth piece with the inputs that are set now; where errors are estimated, it is recorded as a break.
+
+        :param size: of a communication step [s].
+        """
+        recorder, time = self.recorder, self.bus.end.value
+        self.algorithm.forget_past()
+        self.bus.perform(self._at_instant)
+        if self._estimates:
+            recorder.begin_piece(self.timeline.tiny_step(time, size))
+        recorder.rows[recorder.done - 1] = self.bus.values
+        self.timeline.find_next(time)
+
+    def cross(self, start: float, stop: float) -> Vector:
+        """Make one step across a break, and locate the next one; returns the values of the signals after it."""
+        self.bus.set_step(start, stop)
+        self.timeline.begin_piece(stop)
+        self.algorithm.cross()
+        self.timeline.find_next(stop)
+        return self.bus.values
+
+    def cross_next_break(self, target: float, *, in_result: bool) -> bool:
+        """Step across the next break; returns whether it is at the instant to which steps lead.
+
+        :param target: that instant [s].
+        :param in_result: whether the break is in the result if it is elsewhere.
+        """
+        instant, is_target = self.timeline.next, self.timeline.is_next(target)
+        stop = max(instant, target) if is_target else instant
+        result_time = target if is_target else stop if in_result else None
+        row = self.cross(self.recorder.end, stop)
+        self.recorder.add(stop, row, result_time=result_time, after_break=True)
+        return is_target
+
+    def advance(self, ends: Sequence[float], *, in_result: bool) -> int:
+        """Step from instant to instant [s], up to the next break; returns how many were reached."""
+        recorder, deviations = self.recorder, self.deviations
+        if not deviations:
+            recorder.advance(ends, in_result=in_result)
+            return len(ends)
+        ends = ends[: self._batch]
+        integrals = deviations.integrate_steps(np.array([recorder.end, *ends]))
+        self._batch = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
+        if len(integrals):
+            self._advance_beside(integrals, ends[: len(integrals)], in_result=in_result)
+            return len(integrals)
+        instant = deviations.integrate(recorder.end, ends[0])
+        if instant < math.inf and self.timeline.divides:
+            self.timeline.next = instant
+            return 0
+        recorder.advance(ends[:1], in_result=in_result)
+        return 1
+
+    def attempt(self, ends: Sequence[float]) -> RefusedError | None:
+        """Step from instant to instant [s], to be taken back if one is refused; returns why."""
+        first = self.recorder.done
+        try:
+            if self.deviations:
+                times = np.array([self.recorder.end, *ends])
+                self._advance_beside(self.deviations.integrals(times), ends, in_result=False)
+            else:
+                self.recorder.advance(ends, in_result=False)
+        except RefusedError as refusal:
+            return refusal
+        except BaseException:
+            self.recorder.truncate(first)
+            raise
+        return None
+
+    def _advance_beside(self, integrals: Vector, ends: Sequence[float], *, in_result: bool) -> None:
+        """Step, and record integrals of deviations beside each step."""
+        recorder, first = self.recorder, self.recorder.done
+        try:
+            recorder.advance(ends, in_result=in_result)
+        finally:
+            recorder.rows[first : recorder.done, self.deviations.span] = integrals[: recorder.done - first]
+
+
+def _algorithm(simulation: Simulation) -> Callable[..., MasterAlgorithm]:
+    if not simulation.iterates:
+        return Explicit
+    from liaisons.cosim.coupling.implicit import Coupled
+
+    return Coupled
+
+
+def fmpy_instance(kernel: Kernel, name: object) -> Any:
+    """FMPy's object of a component.
+
+    :raises SimulationError: for an unknown component, and one that runs in a process of its own.
+    """
+    title, instances = kernel.simulation.title, kernel.instances
+    if not isinstance(name, str) or name not in instances:
+        raise SimulationError(f"{title}: has no component {shown(name)}{suggestion(str(name), instances)}")
+    if not isinstance(instance := instances[name], Loaded):
+        words = f"{name} runs in a process of its own, where FMPy's object is; leave out isolated"
+        raise SimulationError(f"{title}: {words}")
+    return instance.fmpy_instance

@@ -1,0 +1,128 @@
+"""What a run has come to: its result, errors of its coupling, and warnings of what its watchers have seen."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.coupling.signals import units_of
+from liaisons.cosim.instances.texts import text
+from liaisons.cosim.messages import warn_of_non_finite_values
+from liaisons.cosim.running.contacts import (
+    MissingImpulses,
+    connections_losing_impulses,
+    contact_variables,
+    friction_variables,
+    missing_impulses,
+    warn_of_missing,
+)
+from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.impulses import ImpulsivePort, forces_through, impulse_sums
+from liaisons.cosim.running.input_reconstruction import (
+    contact_mechanisms,
+    input_reconstructions,
+    prepare_initial_gains,
+)
+from liaisons.cosim.running.kernel import Kernel
+from liaisons.cosim.running.real_time import RealTime
+from liaisons.cosim.running.watchdog import Watchdog
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.results import Result
+
+
+@final
+class Observers:
+    """What looks at a run without changing it: the estimate of errors, the watchdog, the clock, impulses that are lost.
+
+    :param ports: connections through which impulses go.
+    :ivar variables: what they read, recorded or not.
+    :ivar estimate: that of errors; ``watchdog`` that of constraints and energies; ``real_time`` the clock.
+    """
+
+    def __init__(self, simulation: Simulation, ports: list[ImpulsivePort]) -> None:
+        self.watchdog, self.real_time = Watchdog(simulation), RealTime()
+        self._sums = connections_losing_impulses(simulation, forces_through(ports))
+        fed = {name for name, _ in simulation.feeds}
+        contacts = [
+            variable
+            for name, part in simulation.parts.items()
+            if ports or name in fed
+            for variables in (*contact_variables(part), *friction_variables(part))
+            for variable in variables
+        ]
+        sums = [variable for pair in impulse_sums(simulation, ports).items() for variable in pair]
+        self.variables = [*self._sums, *contacts, *self.watchdog.variables, *sums]
+
+    def prepare(self, kernel: Kernel) -> None:
+        """Prepare what they read on the bus."""
+        simulation, bus = kernel.simulation, kernel.bus
+        self.initial_gains = prepare_initial_gains(simulation, kernel.instances, bus)
+        self.watchdog.prepare(bus)
+        self.estimate = Estimate(
+            input_reconstructions(simulation, bus, kernel.deviations.columns),
+            bus.index,
+            units_of(simulation.parts, simulation.feeds, bus.index),
+            contact_mechanisms(simulation, bus),
+        )
+
+    def recorded_result(self, kernel: Kernel) -> tuple[Result, list[MissingImpulses]]:
+        """The result of all that was recorded so far, and the impulses that went missing in it."""
+        simulation, recorder = kernel.simulation, kernel.recorder
+        in_result, times = recorder.result_rows()
+        rows = recorder.rows[in_result]
+        values = np.ascontiguousarray(rows.T[kernel.bus.columns(simulation.recorded.values())])
+        names = tuple(simulation.recorded)
+        kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
+        strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
+        numbers, indices = np.unique(values[strings], return_inverse=True)
+        values[strings] = indices.reshape(values[strings].shape)
+        words = tuple(text(number).decode(errors="replace") for number in numbers)
+        errors = self._errors_by_point(kernel, in_result)
+        columns = {place: rows[:, k] for place, k in kernel.bus.index.items()}
+        lost = missing_impulses(self._sums, times, columns)
+        for missing in lost:
+            errors[missing.points] = np.nan
+        result = Result(
+            simulation.title,
+            times,
+            names,
+            values,
+            simulation.units,
+            texts={names[row]: words for row in strings},
+            jumping=simulation.discrete_signals,
+            ports=simulation.renamed_ports,
+            coupling_error=errors,
+            scene=simulation.document.scene,
+            warnings=simulation.warnings,
+        )
+        return result, lost
+
+    def conclude(self, kernel: Kernel, recorded: tuple[Result, list[MissingImpulses]] | None = None) -> Result:
+        """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors.
+
+        :param recorded: what :meth:`recorded_result` has returned, if it is known.
+        """
+        result, lost = recorded or self.recorded_result(kernel)
+        recorder, known, worst = kernel.recorder, kernel.progress.errors, self.estimate.worst
+        warn_of_non_finite_values(result)
+        warn_of_missing(result.title, result.time, lost)
+        self.watchdog.warn(recorder.rows[: recorder.done], recorder.times[: recorder.done])
+        self.real_time.warn(result.title)
+        if worst is not None and not lost:
+            worst.warn(float(np.nansum(known)) if known else self.estimate.total)
+        for contact, about in self.estimate.doubtful:
+            contact.warn(*about)
+        return result
+
+    def _errors_by_point(self, kernel: Kernel, in_result: Indices) -> Vector:
+        """Coupling error that each point of the result adds to that of the point before, shape (points,)."""
+        if kernel.progress.errors:
+            return np.array([0.0, *kernel.progress.errors])
+        recorder, sums, points = kernel.recorder, np.zeros(len(in_result)), slice(kernel.recorder.done)
+        self.estimate.reset()
+        errors = self.estimate.estimate(recorder.rows[points], recorder.times[points], recorder.after_break[points])
+        if len(in_result) > 1:
+            sums[1:] = np.add.reduceat(errors[: in_result[-1] + 1], in_result[:-1] + 1)
+        return sums

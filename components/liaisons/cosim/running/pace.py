@@ -1,0 +1,253 @@
+"""How far steps go: to the points of the user, as far as the error of each allows, or by equal parts between points.
+
+The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the points before it, and costs no step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.running.driving import NextSteps
+from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.kernel import Kernel
+from liaisons.errors import RefusedError
+
+_PROGRESS_INTERVAL = 0.02
+"""Time between two reports of progress, about [s]."""
+_MOST_IN_BATCH = 256
+"""Most steps for which functions of time are evaluated at once."""
+_SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
+_FIRST = 4
+"""Number of steps between two communication points that is tried first."""
+_MOST = 1000
+"""Largest number of steps between two communication points."""
+_MEMORY = 5
+"""Number of points that are kept for the estimate."""
+_SHORTEST = 1e-12
+"""Shortest step, relative to the whole time."""
+_BRINK = 1e-6
+"""Distance from the end of a refused step, relative to the whole time, nearer to which no shorter one is tried."""
+
+
+@final
+class Points:
+    """NextSteps to communication points, many at once.
+
+    :param stop: number of points to be reached.
+    :param most: most points between two reports of progress; ``reports``: there are any.
+    """
+
+    repeats = False
+
+    def __init__(self, kernel: Kernel, stop: int, *, most: int, reports: bool) -> None:
+        self._kernel, self._stop = kernel, stop
+        self._most = min(most, _MOST_IN_BATCH) if kernel.deviations else most
+        self._many = 1 if reports or kernel.deviations else self._most
+        self._steps: NextSteps | None = None  # those that were not reached
+        self._is_sample, self._begin = False, 0.0
+
+    def next_steps(self) -> NextSteps | None:
+        """The next points up to a break, or one step shortly before it; again, if something came between."""
+        kernel, points, done = self._kernel, self._kernel.simulation.times, self._kernel.progress.points
+        if done >= self._stop:
+            return None
+        self._begin = perf_counter()
+        timeline, now, target = kernel.timeline, kernel.recorder.end, points[done]
+        if self._steps is not None and timeline.ends_before(now, self._steps.ends[:1], 0.0) == self._steps.ends[:1]:
+            return self._steps
+        last = min(done + self._many, self._stop)
+        ends = points[done : min(last + 1, len(points))]
+        before = timeline.ends_before(now, ends, target - points[done - 1])
+        are_points, self._is_sample = bool(before) and before[0] == target, False
+        if kernel.are_samples and not are_points:
+            are_points, self._is_sample = timeline.is_next(target), True
+            before = [target if are_points else timeline.next]
+        elif len(before) == 1 and kernel.halves_first_step:
+            before, are_points = [(now + before[0]) / 2], False
+        self._steps = NextSteps(before[: last - done], target, are_points)
+        return self._steps
+
+    def crossed(self, at_target: bool) -> None:
+        """Count the point at a break."""
+        self._count(int(at_target))
+
+    def reached(self, count: int) -> None:
+        """Count points that were reached."""
+        steps = self._steps
+        if count == 0:
+            self._adapt_batch()
+            return
+        self._count(count if steps and steps.in_result else 0)
+        if self._is_sample:
+            self._kernel.timeline.find_next(self._kernel.recorder.end)
+
+    def _count(self, points: int) -> None:
+        self._kernel.progress.points += points
+        self._steps = None
+        self._adapt_batch()
+
+    def _adapt_batch(self) -> None:
+        is_fast = perf_counter() - self._begin < _PROGRESS_INTERVAL
+        self._many = min(self._most, max(1, 2 * self._many if is_fast else self._many // 2))
+
+    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+        """Never asked."""
+        raise NotImplementedError
+
+
+class _ByErrors:
+    """NextSteps that are kept if the estimate of their errors allows."""
+
+    repeats = True
+
+    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+        self._kernel, self._estimate = kernel, estimate
+        estimate.reset()
+        self._begin_piece()
+
+    def _begin_piece(self) -> None:
+        """Keep the present point alone."""
+        recorder = self._kernel.recorder
+        self._times, self._rows = np.array([recorder.end]), recorder.rows[recorder.done - 1 : recorder.done].copy()
+
+    def _end_before_break(self, end: float, size: float) -> Sequence[float]:
+        """End of a step [s]: its own end, or an instant shortly before a break; none if it crosses the break."""
+        kernel, now = self._kernel, self._kernel.recorder.end
+        while True:
+            ends = kernel.timeline.ends_before(now, [end], size)
+            if not ends or (instant := kernel.deviations.integrate(now, ends[0])) == math.inf:
+                return ends
+            kernel.timeline.next = instant
+
+    def _parts(self, stop: float, count: int) -> list[float]:
+        """Ends of equal steps to an instant [s]."""
+        now = self._kernel.recorder.end
+        return [*(now + (stop - now) * k / count for k in range(1, count)), stop]
+
+    def _errors(self, count: int) -> tuple[float, Vector, Vector]:
+        """Sum of the errors of the last steps, and the last points with those before them."""
+        recorder = self._kernel.recorder
+        last = slice(recorder.done - count, recorder.done)
+        times = np.concatenate([self._times, recorder.times[last]])
+        rows = np.concatenate([self._rows, recorder.rows[last]])
+        return float(np.sum(self._estimate.estimate_last(rows, times, count))), times, rows
+
+    def _keep(self, times: Vector, rows: Vector) -> None:
+        self._times, self._rows = times[-_MEMORY:], rows[-_MEMORY:]
+
+    def reached(self, count: int) -> None:
+        """Never told."""
+        raise NotImplementedError
+
+
+@final
+class EachStep(_ByErrors):
+    """NextSteps of a size that keeps the error of each below the tolerance."""
+
+    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+        super().__init__(kernel, estimate)
+        start, first, self._end = kernel.simulation.times
+        self._size, self._whole = min(first - start, self._end - start), self._end - start
+        # where steps begin to be refused, and a refused end
+        self._since, self._beyond, self._reason = start, math.inf, RefusedError("")
+
+    def next_steps(self) -> NextSteps | None:
+        """A step, or two at the start of a piece, as of one alone there is no estimate."""
+        now, end, size = self._kernel.recorder.end, self._end, self._size
+        if now >= end:
+            return None
+        self._target = end if end - now <= size * (1 + 1e-9) else now + size
+        ends = self._end_before_break(self._target, size)
+        count = 2 if len(self._times) == 1 and self._estimate.can_estimate else 1
+        return NextSteps(self._parts(ends[0], count) if ends else ends, end)
+
+    def crossed(self, at_target: bool) -> None:  # noqa: ARG002 - each break is in the result
+        """Begin a piece."""
+        self._begin_piece()
+
+    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+        """Whether their error is below the tolerance; chooses the size of the next step."""
+        now, stop, count = float(self._times[-1]), steps.ends[-1], len(steps.ends)
+        tolerance, power = self._kernel.simulation.error_tolerance or 1.0, self._kernel.algorithm.error_order + 1
+        error, times, rows = (math.inf, self._times, self._rows) if refusal else self._errors(count)
+        error /= tolerance
+        factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
+        is_cut = stop < self._target
+        self._size = max((stop - now) / count * factor, self._size if error <= 1 and is_cut else 0.0)
+        if error <= 1:
+            recorder = self._kernel.recorder
+            shown = count if stop == self._target else count - 1
+            first = recorder.done - count
+            recorder.result_times[first : first + shown] = recorder.times[first : first + shown]
+            self._keep(times, rows)
+            return True
+        if refusal is not None:
+            self._look_for_brink(now, stop, refusal)
+        if self._size <= _SHORTEST * self._whole:
+            why = refusal or f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
+            raise RefusedError(f"no step from t = {now:.10g} s is small enough: {why}")
+        return False
+
+    def _look_for_brink(self, now: float, stop: float, refusal: RefusedError) -> None:
+        """Raise the first refusal where steps only come nearer to an instant."""
+        if not now < self._beyond < math.inf:
+            self._since, self._reason = now, refusal
+        self._beyond = min(stop, self._beyond) if now < self._beyond else stop
+        if self._since < now and self._beyond - now < _BRINK * self._whole:
+            raise RefusedError(f"no step from t = {now:.10g} s is small enough: {self._reason}")
+
+
+@final
+class EqualParts(_ByErrors):
+    """Equal steps between communication points, as many as keep the sum of their errors below the tolerance."""
+
+    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+        super().__init__(kernel, estimate)
+        self._count, self._error = _FIRST, 0.0  # number of steps, and their error since the last point
+
+    def next_steps(self) -> NextSteps | None:
+        """NextSteps to the next point, two at least where a piece begins, as of one alone there is no estimate."""
+        points, done = self._kernel.simulation.times, self._kernel.progress.points
+        if done == len(points):
+            return None
+        ends = self._end_before_break(points[done], points[done] - points[done - 1])
+        if len(self._times) == 1:
+            self._count = max(self._count, 2)
+        return NextSteps(self._parts(ends[0], self._count) if ends else ends, points[done], in_result=False)
+
+    def crossed(self, at_target: bool) -> None:
+        """Begin a piece."""
+        self._count = max(self._count, _FIRST)
+        self._begin_piece()
+        if at_target:
+            self._reach_point()
+
+    def _reach_point(self) -> None:
+        progress = self._kernel.progress
+        progress.points += 1
+        progress.errors.append(self._error)
+        self._error = 0.0
+
+    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+        """Whether the sum of their errors is small enough; chooses the number of the next ones."""
+        simulation, recorder, many = self._kernel.simulation, self._kernel.recorder, self._count
+        if refusal is not None and many > _MOST:
+            raise refusal
+        error, times, rows = (math.inf, self._times, self._rows) if refusal else self._errors(many)
+        factor = (max(error, 1e-30) / simulation.step_tolerance) ** (1 / 4) / _SAFETY
+        if refusal is not None or not (factor <= 1 / _SAFETY or many > _MOST):
+            self._count = min(max(math.ceil(many * min(factor, 4.0)), many + 1), 2 * _MOST)
+            return False
+        is_point = steps.ends[-1] == steps.target
+        recorder.join(many, in_result=is_point)
+        self._keep(times, rows)
+        self._count, self._error = max(1, math.ceil(many * max(factor, 0.5))), self._error + error
+        if is_point:
+            self._reach_point()
+        return True
