@@ -29,6 +29,7 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     """
     generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False, "verbose": False})
     straight: list[str] = []
+    calling: list[ca.Function] = []
     space = 0
     for function in {function.name(): function for function in functions}.values():
         if _is_printable(function):
@@ -36,10 +37,38 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
             straight += lines
         else:
             generator.add(function)
+            calling.append(function)
             numbers = function.sz_w()
         space = max(space, numbers)
     # CasADi calls hypot, which is five times slower.
-    return [generator.dump().replace("hypot(x, y)", "sqrt(x * x + y * y)"), *straight], space
+    generated = generator.dump().replace("hypot(x, y)", "sqrt(x * x + y * y)")
+    for function in calling:
+        generated = _with_own_pointers(generated, function)
+    return [generated, *straight], space
+
+
+def _with_own_pointers(generated: str, function: ca.Function) -> str:
+    """The code with a copy of the caller's pointers for a function that calls others.
+
+    CasADi passes arguments and results of inner calls behind those of the outer one, in the same two arrays, where the
+    runtime keeps what further functions take.
+    """
+    arguments, results = function.n_in(), function.n_out()
+    if function.sz_arg() == arguments and function.sz_res() == results:
+        return generated
+    parameters = "const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem"
+    head = f"int {function.name()}({parameters}){{\n"
+    copies = [
+        f"const casadi_real* arguments[{function.sz_arg()}];",
+        f"casadi_real* results[{function.sz_res()}];",
+        f"for (int i = 0; i < {arguments}; i++) arguments[i] = arg[i];",
+        f"for (int i = 0; i < {results}; i++) results[i] = res[i];",
+    ]
+    begin, call, end = generated.partition(head)
+    if not call:
+        raise AssertionError(f"CasADi declares {function.name()} in another way")
+    lines = "".join(f"  {line}\n" for line in copies)
+    return begin + head + lines + end.replace("(arg, res, iw, w, mem)", "(arguments, results, iw, w, mem)", 1)
 
 
 def _is_printable(function: ca.Function) -> bool:

@@ -157,6 +157,15 @@ def test_a_table_with_kinks_is_refused_where_rates_would_jump() -> None:
     assert force == pytest.approx(-G * first, rel=1e-12)  # a force may jump
 
 
+def test_the_account_of_a_turned_measured_wire_closes() -> None:
+    """Calls in the generated code leave the runtime's pointers as they are."""
+    turned = {"turn": lambda t: (3 * t, 3.0, 0.0)}
+    run = simulate(MeasuredWire, stop_time=0.2, step_size=0.1, tolerance=1e-10, inputs=turned)
+    assert abs(run["work"][-1]) > 1e-3
+    assert run["work"][0] == 0
+    assert np.max(np.abs(run["energy_balance"])) < 1e-9  # ten times the tolerance, of energies below 1 J
+
+
 @pytest.mark.slow
 def test_motions_on_a_measured_wire(tmp_path) -> None:
     """Native and Python FMUs, wire as point and as constraint, against SciPy's DOP853 on SciPy's spline."""
