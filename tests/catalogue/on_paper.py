@@ -49,7 +49,7 @@ class State(dict[str, float]):
     def __call__(self, what: str | ca.SX) -> Any:
         """The value of a quantity, of an output or of an expression; a number where it has one element."""
         equations = equations_of(self.component)
-        expression: ca.SX = what  # type: ignore[assignment]
+        expression: Any = what
         if isinstance(what, str):
             expression = getattr(equations, what, None)
             if not isinstance(expression, ca.SX):  # an output of the mechanism, such as inertia

@@ -365,7 +365,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
     groups = {"y": state_outputs(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
     if vector in groups:
         return [variable.count for variable in groups[vector]]
-    return [1] * (1 if vector == "t" else model.start.numel_out(1))
+    return [1] * (1 if vector in {"t", "r"} else model.start.numel_out(1))  # r: parameters and rows of a table
 
 
 # ---- tables: one row a variable, however many numbers it holds --------------------------------------------------
