@@ -215,6 +215,7 @@ def objects(things: Things) -> Iterator[dict[str, Any]]:
 NOT_TRIED = {
     "Run.start": "with_start_values() makes its argument",
     "Run.finish": "simulate() calls it",
+    "Run.conclude_or_divide": "likewise",
     "System.flatten": "tried above; each try may build",
     "Result.animate": "draws for seconds",
     "Result.plot": "tried above",

@@ -29,6 +29,7 @@ from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
 from .junction import Junction as Junction
 from .kepler_orbit import KeplerOrbit as KeplerOrbit
 from .knotted_motion import KnottedMotion as KnottedMotion
+from .knotted_motion import SampledKnots as SampledKnots
 from .linear_molecule import LinearMolecule as LinearMolecule
 from .linked_cat import LinkedCat as LinkedCat
 from .nose_hoover_oscillator import NoseHooverOscillator as NoseHooverOscillator

@@ -94,12 +94,6 @@ class GoalSymbols:
         return ca.densify(function(*self.model_arguments[: function.n_in()])[: len(self.state_names)])
 
     @cached_property
-    def reach(self) -> ca.SX:
-        """How far constraints are from being kept, as in the model's function; no rows where there are none."""
-        function = self.model.reach
-        return ca.SX(0, 1) if function is None else ca.densify(function(*self.model_arguments[: function.n_in()]))
-
-    @cached_property
     def initial_state(self) -> ca.SX:
         """The state at the start, as an expression of symbols for its start values."""
         inputs = self.inputs | {name: self.motion_symbols[name] for name in self.goal.driven}

@@ -28,13 +28,7 @@ from liaisons_motion.planning.invariants import refuse_invariants
 from liaisons_motion.planning.phases import optimal_control_problem
 from liaisons_motion.planning.plans import Plan
 from liaisons_motion.planning.problems import Problem
-from liaisons_motion.planning.searching import (
-    COARSE_INTERVALS,
-    SearchSettings,
-    out_of_reach,
-    refuse_singularity,
-    search,
-)
+from liaisons_motion.planning.searching import COARSE_INTERVALS, SearchSettings, refuse_singularity, search
 from liaisons_motion.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_relative_units, in_si
 
 _VANISHING = 1e-5
@@ -143,8 +137,6 @@ def plan(
         settings = SearchSettings(intervals, accuracy, tries)
         solution = search(problem.relative_problem, starts, clock, settings, further)
     _refuse_vanishing_phases(solution)
-    if beyond := out_of_reach(solution):
-        raise PlanError(f"{problem.name}: no motion was found: {beyond}")
     if goal.minimize == "motion":
         refuse_singularity(solution)
     return Plan(goal, problem, in_si(problem, solution))

@@ -29,7 +29,6 @@ from liaisons.base.arrays import Floats
 from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
-from liaisons.mechanics import Model
 from liaisons_motion.goals import Goal, GoalSymbols, goal_symbols, range_middle
 from liaisons_motion.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, with_sizes
 
@@ -89,8 +88,6 @@ class Problem:
     end: Rows
     closed: tuple[int, ...]  # states that end as they start
     duration: tuple[float, float]
-    model: Model
-    reach: ca.Function  # how far constraints are from being kept, as in the model
     constrained: bool  # the states obey constraints, which straight lines would break
     mass: ca.Function  # Θ of the states
     start_names: tuple[str, ...]  # parameters of the FMU that are start values
@@ -137,7 +134,6 @@ class Problem:
             rates=_relative_function(self.rates, X / scales.time, X, U),
             cost=_relative_function(self.cost, np.array([scales.cost / scales.time]), X, U),
             path=self.path.in_relative_units(X, U),
-            reach=_relative_function(self.reach, np.ones(self.reach.numel_out()), X, U),
             start=self.start.in_relative_units(X),
             end=self.end.in_relative_units(X),
             duration=(low / scales.time, high / scales.time),
@@ -248,8 +244,6 @@ def _problem_in_states(
         end=rows_function("end", rows.end, X),
         closed=tuple(names.index(name) for name in closed if name in names),
         duration=goal.duration,
-        model=symbols.model,
-        reach=function("reach", symbols.reach),
         constrained=any(getattr(symbols.component, kind, ()) for kind in constraints),
         mass=function("mass", symbols.mass),
         start_names=tuple(symbols.start_parameters.values()),

@@ -38,7 +38,6 @@ from liaisons_motion.planning.verifying import (
     hamiltonian_scale,
     largest_hamiltonian_range,
 )
-from liaisons_motion.right_hand_sides import least_kept
 
 # Numbers of the search; costs and deviations are relative to their sizes.  With them every plan of
 # ``benchmarks/plans.py`` has the least cost of its closed form to 1e-9, in 4 s at most.
@@ -79,8 +78,6 @@ _KINK_INTEGRATION_DIFFERENCE = 1e-4
 """The same where rates have kinks: in the interval of a kink mesh and integration both are of low order."""
 _ROUGH_INTEGRATION_DIFFERENCE = 0.1
 """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
-_TORN = 1e4
-"""Multiple of what a projection leaves of a constraint that is torn: 1e-5 of its size, far above a mesh's error."""
 _CORRECTIONS = 6
 """Most insertions and removals of arcs: each takes as long as a start."""
 
@@ -463,27 +460,12 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
         return (
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
         )
-    if beyond := out_of_reach(nearest):
-        return f"{problem.name}: no motion was found: {beyond}"
     active = list(dict.fromkeys(_active_texts(nearest)))
     T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):
         active.append(f"duration = {T * problem.scales.time:g}")
     bounds = f"; active: {', '.join(active)}" if active else ""
     return f"{problem.name}: no motion was found from {len(failures)} starts, nearest {', '.join(wrong)}{bounds}"
-
-
-def out_of_reach(solution: Solution) -> str:
-    """Sentence on the first constraint that a solution does not keep; empty if it keeps all."""
-    problem, trajectory = solution.problem, solution.trajectory
-    count = len(problem.model.reaches)
-    for phase, inside in phase_points(problem, trajectory.arcs) if count else ():
-        left = trajectory.evaluate(phase.reach, inside)
-        for i in np.flatnonzero(~(np.abs(left[:count]).max(axis=0) <= _TORN))[:1]:
-            text, values = least_kept(problem.model, left[:, i])
-            t = float(trajectory.instants[inside][i]) * problem.scales.time
-            return f"at t = {t:.6g} s the best one leaves {text}{f', where {values}' if values else ''}"
-    return ""
 
 
 def _active_texts(solution: Solution) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from liaisons_motion.right_hand_sides.methods import METHODS, Tableau
 from liaisons_motion.right_hand_sides.models import ContinuousModel, continuous_model
-from liaisons_motion.right_hand_sides.right_hand_side import DEGREE, CArray, RightHandSide, least_kept
+from liaisons_motion.right_hand_sides.right_hand_side import DEGREE, CArray, RightHandSide
 from liaisons_motion.right_hand_sides.step_code import StepCode, c_function
 from liaisons_motion.right_hand_sides.steps import LANES, Advance, compiled_advance
 
@@ -19,5 +19,4 @@ __all__ = [
     "c_function",
     "compiled_advance",
     "continuous_model",
-    "least_kept",
 ]

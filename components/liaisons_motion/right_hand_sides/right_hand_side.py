@@ -153,7 +153,7 @@ class RightHandSide:
         if not self.model.reaches:
             return ""
         left = ca.Function("reach", [*self.symbols], [self.reach])(t, k, s, y).full().ravel()
-        return least_kept(self.model, left)[1]
+        return _prescribed(self.model, left)[1]
 
 
 def checked_output_rows(model: Model, record: Iterable[str]) -> dict[str, int]:
@@ -282,7 +282,7 @@ def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
     )
 
 
-def least_kept(model: Model, left: Floats) -> tuple[str, str]:
+def _prescribed(model: Model, left: Floats) -> tuple[str, str]:
     """Text of the constraint of which most is left, and what is prescribed for it."""
     reaches = model.reaches
     worst = int(np.argmax(np.abs(left[: len(reaches)])))
@@ -293,7 +293,7 @@ def least_kept(model: Model, left: Floats) -> tuple[str, str]:
 
 def _reach_text(model: Model, left: Floats, t: float) -> str:
     """Sentence on the constraint of which most is left; of the residuals, and what is prescribed for each."""
-    text, values = least_kept(model, left)
+    text, values = _prescribed(model, left)
     if not values:
         return f"{text} cannot be kept at t = {t:.9g}: no motion leads on from there"
     return f"{text} cannot be kept: {values} at t = {t:.9g} is out of reach; stay within it"

@@ -512,7 +512,8 @@ def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomial_arrays(
 def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
     signals = SimpleNamespace(count=3, references=[("a", "x"), ("b", "y"), ("b", "z")])
     bus = SimpleNamespace(end=SimpleNamespace(value=0.5))
-    cycle = SimpleNamespace(_unknowns=np.array([0, 1, 5]), _signals=signals, _names="a, b", _implicit=False, _bus=bus)
+    unknowns = np.array([0, 1, 5])
+    cycle = SimpleNamespace(_unknowns=unknowns, _signals=signals, _names="a, b", _implicit=False, _bus=bus, nodes=[])
     for errors, worst in (([9.0, 1.0, 2.0], r"a\.x"), ([1.0, 9.0, 2.0], r"b\.y"), ([1.0, 2.0, 9.0], r"b\.z")):
         cycle._errors = np.array(errors)
         with pytest.raises(SimulationError, match=rf"^a, b: .* at t = 0\.5 s, {worst} least of all"):

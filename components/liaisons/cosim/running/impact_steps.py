@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, final
+from weakref import proxy
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.coupling.implicit import Coupled
@@ -30,7 +31,7 @@ class ImpactSteps:
     """
 
     def __init__(self, kernel: Kernel, ports: Sequence[ImpulsivePort]) -> None:
-        self._kernel = kernel
+        self._kernel: Kernel = proxy(kernel)  # which refers to this: a run is freed when nothing refers to it
         assert isinstance(kernel.algorithm, Coupled)  # where impulses go through
         signals = kernel.algorithm.signals
         self._impacts = Impacts(kernel.simulation, ports, kernel.instances, signals, kernel.bus)

@@ -71,12 +71,11 @@ class Kernel:
         self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
         self._batch = 1  # steps for which functions of time are evaluated at once
 
-    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], run: object, *, estimates: bool) -> None:
+    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], *, estimates: bool) -> None:
         """Prepare steps and moments, once the bus is as wide as it becomes.
 
         :param watch: calls that may refuse a step after it.
         :param owners: what else remembers anything from step to step.
-        :param run: what moments are of.
         :param estimates: whether errors are estimated.
         """
         parts, fed = self.simulation.parts, {name for name, _ in self.simulation.feeds}
@@ -89,7 +88,7 @@ class Kernel:
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
         self.recorder = Loop([*self.algorithm.calls.step, *watch], self.bus, capacity)
         owners = [self.recorder, *own, self.timeline, self.progress, *owners]
-        self.moments = Moments(run, self.instances, self.bus, owners)
+        self.moments = Moments(self.instances, self.bus, owners)
 
     def start(
         self, parts: Components, first: Iterable[Call], last: Iterable[Call], happening: Happening | None = None

@@ -61,7 +61,7 @@ class Progress:
 class Moment:
     """The state of a run at an instant, to which it can return any number of times.
 
-    :param run: whose state it is.
+    :param run: what tells the run whose state it is.
     :param time: [s].
     :param values: of the bus.
     :param fmus: the states of all FMUs.
@@ -82,12 +82,13 @@ class Moment:
 class Moments:
     """Saves the state of a run, and restores it.
 
-    :param run: what moments are of.
     :param owners: all that remembers anything from step to step, beside FMUs and bus.
+    :ivar run: what tells the moments of a run from those of others; not the run itself, which would keep it alive.
     """
 
-    def __init__(self, run: object, instances: Instances, bus: Bus, owners: Iterable[Remembering]) -> None:
-        self._run, self._instances, self._bus, self._owners = run, instances, bus, list(owners)
+    def __init__(self, instances: Instances, bus: Bus, owners: Iterable[Remembering]) -> None:
+        self.run = object()
+        self._instances, self._bus, self._owners = instances, bus, list(owners)
         self._unused: list[FmuStates] = []  # of moments that were collected
 
     def save(self, time: float) -> Moment:
@@ -97,7 +98,7 @@ class Moments:
         """
         fmus = self._unused.pop() if self._unused else state_calls(self._instances)
         self._bus.perform(save for save, _ in fmus)
-        moment = Moment(self._run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self._owners])
+        moment = Moment(self.run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self._owners])
         finalize(moment, self._unused.append, fmus)
         return moment
 

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from liaisons.cosim.running.impact_steps import ImpactSteps
     from liaisons.cosim.running.linearization import Linearization
 
+_MOST_ROUNDS = 6
+"""Most further runs that look for contacts: where bodies touch all the time each is longer than the one before."""
 _MOST_DIVISIONS = 20
 """Most instants that divide steps for contacts, for each communication point."""
 _LONGEST_BREAK_STEP = 1e-6
@@ -72,7 +74,7 @@ class Run:
             self._variables = RunVariables(simulation, instances, kernel.bus)
             self._happening = _impact_steps(kernel, ports)
             owners = [observers.estimate, self._variables, *filter(None, [self._happening])]
-            kernel.prepare(observers.watchdog.calls, owners, self, estimates=observers.estimate.can_estimate)
+            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate.can_estimate)
             self._chooses_steps = simulation.adapts or simulation.error_tolerance is not None
             self._is_watched = bool(kernel.deviations or self._happening)  # something may come between points
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
@@ -254,7 +256,7 @@ class Run:
         :raises SimulationError: for the state of another run.
         """
         self._require_unclosed()
-        if not isinstance(state, Moment) or state.run is not self:
+        if not isinstance(state, Moment) or state.run is not self._kernel.moments.run:
             words = "is of another run" if isinstance(state, Moment) else "is no state of a run"
             self._refuse(f"{shown(state)} {words}; restore what its own save() has returned")
         self._lost = True
@@ -324,7 +326,7 @@ class Run:
         kernel, estimate, times = self._kernel, self._observers.estimate, self._kernel.simulation.times
         kernel.recorder.hide(hidden)
         recorded = self._observers.recorded_result(kernel)
-        divides = kernel.timeline.divides and not self._chooses_steps
+        divides = kernel.timeline.divides and not self._chooses_steps and math.isfinite(times[-1])
         more = divisions_between(estimate.divisions, np.array(times)) if divides else np.empty(0)
         if more.size and len(hidden) + len(more) <= _MOST_DIVISIONS * len(times):
             return more
@@ -456,22 +458,27 @@ def run_to_end(
     return result
 
 
-def _with_contacts_found(simulation: Simulation, run: Run, divisions: Vector | None = None) -> tuple[Result, Vector]:
+def _with_contacts_found(
+    simulation: Simulation, run: Run, divisions: Vector | None = None, rounds: int = _MOST_ROUNDS
+) -> tuple[Result, Vector]:
     """The result of a run, and the ends of its steps [s].
 
     If a contact may be missed, or found in vain, they are those of another run, in shorter steps there.
 
     :param divisions: instants [s] by which steps have been divided already, and which are not in the result.
+    :param rounds: most further runs, after which what may be missed is told.
     """
     divisions = np.empty(0) if divisions is None else divisions
     result = run.conclude_or_divide(divisions)
     if isinstance(result, Result):
         return result, run.instants
+    if rounds == 0:
+        return run.conclude(), run.instants
     finer = replace(simulation, times=np.union1d(simulation.times, result).tolist())
     with suppress(SimulationError), Run(finer) as again:
         again.start()
         again.finish()
-        return _with_contacts_found(finer, again, np.union1d(divisions, result))
+        return _with_contacts_found(finer, again, np.union1d(divisions, result), rounds - 1)
     return run.conclude(), run.instants
 
 
