@@ -23,7 +23,7 @@ from liaisons.fmu import build
 from liaisons.mechanics import Model, assemble
 from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, StringPendulum
 
-sys.path[:0] = [str(HERE.parent / "tests" / folder) for folder in ("fmu", "cosim")]
+sys.path[:0] = [str(HERE.parent / "tests" / "kernel" / folder) for folder in ("fmu", "cosim")]
 
 from driver import Library  # noqa: E402 - it lies with the tests
 from making import exchange_only  # noqa: E402

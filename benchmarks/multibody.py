@@ -33,7 +33,7 @@ from liaisons.base.compiler import FLAGS
 from liaisons.fmu.code import source_files
 from liaisons.mechanics import Model, assemble
 
-ROBOTS = HERE.parent / "tests" / "language" / "robots"
+ROBOTS = HERE.parent / "tests" / "kernel" / "language" / "robots"
 SIZES, QUICK = (2, 4, 8, 15, 30, 60), (2, 8)
 GUID = "{00000000-0000-0000-0000-000000000000}"
 ROD: dict[str, Any] = {"mass": 2.0, "inertia": (0.02, 0.03, 0.025), "centre": (0, 0, 0.15)}
