@@ -9,6 +9,7 @@ import pytest
 
 from liaisons import LiaisonsError, check_component
 from liaisons.library import catalogue
+from liaisons.testing import component_test
 from liaisons_tools.cli import main
 
 HERE = Path(__file__).parent
@@ -40,7 +41,7 @@ def test_a_right_component_is_not_accused(path: Path) -> None:
     assert any("what exact says" in verdict.claim for verdict in examination.verdicts)
 
 
-@pytest.mark.variants(quick=4, core=0)
+@pytest.mark.variants(quick=6, core=0)
 @pytest.mark.parametrize(
     "name",
     [
@@ -48,6 +49,8 @@ def test_a_right_component_is_not_accused(path: Path) -> None:
         "morse_oscillator",  # another branch of the closed form
         "atwood",  # a term that is missing in T
         "moved_base",  # friction on the absolute velocity
+        "ring_bead",  # a constraint that is lost: it cannot be loaded
+        "three_discs",  # a wrong unit: likewise
     ],
 )
 def test_a_wrong_line_is_among_the_first_two_causes(name: str, tmp_path: Path) -> None:
@@ -59,20 +62,15 @@ def test_a_wrong_line_is_among_the_first_two_causes(name: str, tmp_path: Path) -
 
 @pytest.mark.slow
 def test_faults_are_found_and_named(tmp_path: Path) -> None:
-    """Of 40, 38 are found; a refusal at load is found, and named if it has the line."""
+    """As is asked of the project: of 40 at least 38 are found, and 34 named by their line."""
     found, named = set[str](), set[str]()
     for name in FAULTS:
         path, line = wrong(name, tmp_path)
-        try:
-            examination = check_component(path, seconds=60)
-        except LiaisonsError as error:
-            found.add(name)
-            named |= {name} if f"{path.name}:{line}" in str(error) else set()
-        else:
-            found |= set() if examination.passed else {name}
-            named |= {name} if line in [cause.line for cause in examination.causes[:2]] else set()
+        examination = check_component(path, seconds=60)
+        found |= set() if examination.passed else {name}
+        named |= {name} if line in [cause.line for cause in examination.causes[:2]] else set()
     assert len(found) >= 38, sorted(set(FAULTS) - found)
-    assert len(named) >= 30, sorted(set(FAULTS) - named)
+    assert len(named) >= 34, sorted(set(FAULTS) - named)
 
 
 @pytest.mark.slow
@@ -122,6 +120,26 @@ def test_a_closed_form_that_fails_is_told_with_the_reason(result: str, says: str
     examination = check_component(path, seconds=1)
     [failure] = [verdict for verdict in examination.verdicts if not verdict.passed]
     assert says in failure.claim
+
+
+test_pendulum = component_test("Pendulum")
+
+
+@pytest.mark.variants(core=0)
+def test_a_failed_case_names_the_line(tmp_path: Path) -> None:
+    path, line = wrong("morse_oscillator", tmp_path)
+    test = component_test(path)
+    [mark] = test.pytestmark  # type: ignore[attr-defined]
+    [verdict] = [one for one in mark.args[1] if not one.passed]
+    with pytest.raises(AssertionError, match=rf"morse_oscillator\.py:{line}: "):
+        test(verdict)
+
+
+def test_what_is_no_component_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LiaisonsError, match="Pendulm"):
+        check_component("Pendulm")
+    with pytest.raises(LiaisonsError, match="no_file"):
+        check_component(tmp_path / "no_file.py")
 
 
 def test_what_is_not_checked_is_named() -> None:

@@ -11,6 +11,11 @@ from typing import Any, final
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh", "sn": "cn", "cn": "sn"}
 _DECORATORS = {"output": "constraint", "constraint": "output"}
 _DECLARATIONS = {"Coordinate": "ActiveCoordinate", "ActiveCoordinate": "Coordinate"}
+_UNITS = (
+    *("1", "m", "rad", "kg", "kg.m2", "N", "N.m", "N/m", "N.m/rad", "N.s/m", "N.m.s/rad", "J", "s"),
+    *("1/s", "1/m", "m/s", "rad/s", "m/s2", "m2", "kg/m3", "Hz"),
+)
+"""Units that mechanics declares most often."""
 _OPERATORS: dict[type[ast.operator], ast.operator] = {ast.Add: ast.Sub(), ast.Sub: ast.Add()}
 
 
@@ -79,6 +84,19 @@ def edits_of(declared: ast.ClassDef, alike: Callable[[str], Sequence[str]], solu
             if isinstance(function, ast.Name) and function.id in _DECLARATIONS:
                 edits.append(_renamed(function, "id", _DECLARATIONS[function.id], statement, rank=1))
     return sorted(edits, key=lambda edit: edit.rank)
+
+
+def unit_edits(declared: ast.ClassDef) -> list[Edit]:
+    """Other units in place of those that a class declares."""
+    edits = list[Edit]()
+    for statement in declared.body:
+        if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Call):
+            call = statement.value
+            for index, argument in enumerate(call.args[:2]):
+                if isinstance(argument, ast.Constant) and argument.value in _UNITS:
+                    others = (unit for unit in _UNITS if unit != argument.value)
+                    edits += [_edit(statement, [(call, "args", index, ast.Constant(one))], 3, "") for one in others]
+    return edits
 
 
 def _decorator_edits(statement: ast.FunctionDef) -> Iterator[Edit]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from textwrap import dedent
 from time import perf_counter
 from typing import Any, final
@@ -21,9 +23,10 @@ from liaisons.language import Component, Friction, Mechanism, Parameter
 from liaisons.library import Target
 from liaisons.library import component as component_of
 from liaisons_motion.examination.motions import EquationsOfMotion
-from liaisons_motion.examination.repairs import Cause, causes
+from liaisons_motion.examination.repairs import Cause, causes, causes_of_refusal
 from liaisons_motion.examination.trials import Trial, trials_of
 
+_LOADED = "it can be loaded"
 _SEED = 20
 _TRIALS = 3
 """Sets of values beside the declared ones: two that agree by chance are rare, a third one costs little."""
@@ -47,6 +50,11 @@ class Examination:
     def passed(self) -> bool:
         """Whether all verdicts hold."""
         return all(one.passed for one in self.verdicts)
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether the component's declarations were accepted."""
+        return not any(one.claim.startswith(_LOADED) for one in self.verdicts)
 
     def as_dictionary(self) -> dict[str, Any]:
         """All of it as numbers, texts, lists and dictionaries, for programs; an infinite error is None."""
@@ -80,10 +88,18 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
 
     :param component: name, file or class.
     :param seconds: time after which the search for causes ends [s].
-    :raises ComponentError: if its declaration is refused, by line and remedy.
+    :raises LiaisonsError: if there is no such component.  The refusal of a file's declarations is a verdict.
     """
     check_positive("check_component: seconds", seconds, InvalidValueError)
-    end, declared, report = perf_counter() + seconds, component_of(component), _Report()
+    end, report = perf_counter() + seconds, _Report()
+    try:
+        declared = component_of(component)
+    except LiaisonsError as error:
+        path = Path(component) if isinstance(component, (str, Path)) else Path()
+        if path.suffix != ".py" or not path.is_file():
+            raise
+        report.add(f"{_LOADED}: {error}", math.inf, 0.0, "a component is checked when it is declared")
+        return Examination(path.stem, tuple(report.verdicts), tuple(causes_of_refusal(str(path), end)))
     equations: EquationsOfMotion | None = None
     try:
         equations = EquationsOfMotion(declared)
@@ -164,7 +180,7 @@ def _check_closed_form(
         if _covers_other_values(error):
             report.unchecked.append(f"closed form: it cannot be called with the declared values: {error}")
             return ()
-        report.add(f"exact can be evaluated: {type(error).__name__}: {error}", float("inf"), 0.0, "it is called")
+        report.add(f"exact can be evaluated: {type(error).__name__}: {error}", math.inf, 0.0, "it is called")
         return causes(declared, closed, None, (), end)
     differences: dict[str, float] = {}
     for trial in trials:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from types import MethodType, ModuleType
@@ -19,7 +20,7 @@ import numpy as np
 
 from liaisons.closed_forms import ClosedForm
 from liaisons.language import Component
-from liaisons_motion.examination.edits import Edit, edits_of
+from liaisons_motion.examination.edits import Edit, edits_of, unit_edits
 from liaisons_motion.examination.motions import EquationsOfMotion
 from liaisons_motion.examination.terms import missing_terms
 from liaisons_motion.examination.trials import Trial, solution_of, times_of, trials_of
@@ -51,22 +52,34 @@ class Cause:
 class Source:
     """A component's class in the source of its module, for changed copies of it.
 
-    :raises OSError: if there is no source.
+    :raises OSError: if there is no such file or class.
     """
 
-    def __init__(self, component: type[Component]) -> None:
-        self.component = component
-        self.file = inspect.getsourcefile(component) or ""
-        self.tree = ast.parse(Path(self.file).read_text(encoding="utf-8"))
-        classes = [n for n in ast.walk(self.tree) if isinstance(n, ast.ClassDef) and n.name == component.__name__]
+    def __init__(self, file: str, name: str) -> None:
+        self.file, self.name = file, name
+        self.tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+        classes = [n for n in ast.walk(self.tree) if isinstance(n, ast.ClassDef) and n.name == name]
         if not classes:
-            raise OSError(f"{self.file} has no class {component.__name__}")
+            raise OSError(f"{file} has no class {name}")
         self.declared = classes[0]
-        self._globals = self._namespace()
+
+    @classmethod
+    def of(cls, component: type[Component]) -> Source:
+        """Source of a component."""
+        return cls(inspect.getsourcefile(component) or "", component.__name__)
+
+    @cached_property
+    def component(self) -> Any:
+        """The component as it is declared."""
+        return self._globals[self.name]
+
+    @cached_property
+    def _globals(self) -> dict[str, Any]:
+        return self._namespace()
 
     def changed(self) -> type[Component]:
         """The component that the tree declares now; raises what its declaration raises."""
-        return self._namespace()[self.component.__name__]
+        return self._namespace()[self.name]
 
     def method(self, name: str) -> Any:
         """A method as the tree has it now, without decorators."""
@@ -88,7 +101,7 @@ class Source:
         return np.round(np.array(numbers, dtype=float), 9).tobytes()
 
     def _namespace(self) -> dict[str, Any]:
-        module = ModuleType(self.component.__module__)
+        module = ModuleType(Path(self.file).stem)
         module.__file__ = self.file
         exec(compile(self.tree, self.file, "exec"), module.__dict__)
         return module.__dict__
@@ -107,7 +120,7 @@ def causes(
     :param end: value of ``perf_counter`` at which the search ends.
     """
     try:
-        search = _Search(Source(component), closed, equations, trials)
+        search = _Search(Source.of(component), closed.__name__, closed, equations, trials)
     except (OSError, SyntaxError):
         return []
     name = closed.__name__
@@ -126,6 +139,31 @@ def causes(
     return [_cause(search.source, *repair, trials) for repair in _ranked(repairs, name)]
 
 
+def causes_of_refusal(file: str, end: float) -> list[Cause]:
+    """Single changes with which a file's one component can be loaded, and agrees with its closed form if it has one.
+
+    :param end: value of ``perf_counter`` at which the search ends.
+    """
+    try:
+        tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, UnicodeDecodeError):
+        return []
+    names = [statement.name for statement in tree.body if isinstance(statement, ast.ClassDef)]
+    if len(names) != 1:
+        return []
+    search = _Search(Source(file, names[0]), "exact", None, None, ())
+    declared = search.source.declared
+    edits = sorted([*edits_of(declared, lambda _: (), ["exact"]), *unit_edits(declared)], key=lambda edit: edit.rank)
+    repairs = list[tuple[Edit, float]]()
+    for edit in edits:
+        if perf_counter() > end or (repairs and edit.rank > repairs[0][0].rank + _FURTHER):
+            break
+        worst = search.difference_with(edit)
+        if worst is not None and worst <= 1:
+            repairs.append((edit, worst))
+    return [_cause(search.source, *repair, ()) for repair in _ranked(repairs, "exact")]
+
+
 @final
 @dataclass(frozen=True)
 class _Search:
@@ -135,6 +173,7 @@ class _Search:
     """
 
     source: Source
+    name: str  # of the closed form
     closed: Any  # a ClosedForm, which as a descriptor would be taken for a part of this class
     equations: EquationsOfMotion | None
     trials: Sequence[Trial]
@@ -156,10 +195,10 @@ class _Search:
         if equations is None:
             changed: Any = source.changed()
             fresh = EquationsOfMotion(changed)
-            trials = trials_of(fresh, getattr(changed, closed.__name__), 0, 2)
+            trials = trials_of(fresh, getattr(changed, self.name), 0, 2)
             return _worst(trial.differences() for trial in trials)
         t = times_of(equations)
-        if method == closed.__name__:
+        if method == self.name:
             other = closed.with_function(source.method(method))
             solutions = (solution_of(other, trial.values, equations.declared, t) for trial in self.trials)
             return _worst(trial.differences(one) for trial, one in zip(self.trials, solutions, strict=True))

@@ -30,13 +30,15 @@ def check(
     from liaisons import Verdict, check_component, check_fmu
     from liaisons_tools.cli._reference_results import reference_verdicts
 
-    verdicts, texts, path = [], list[str](), fmu_file(fmu)
-    for report in chain(check_fmu(path), reference_verdicts(path)):
-        if isinstance(report, Verdict):
-            verdicts.append(report)
-        else:
-            texts.append(str(report))
+    verdicts, texts = [], list[str]()
     examination = None if fmu.endswith(".fmu") else check_component(fmu)
+    if examination is None or examination.is_loaded:
+        path = fmu_file(fmu)
+        for report in chain(check_fmu(path), reference_verdicts(path)):
+            if isinstance(report, Verdict):
+                verdicts.append(report)
+            else:
+                texts.append(str(report))
     if examination is not None:
         verdicts += examination.verdicts
         texts += [f"not checked: {text}" for text in examination.unchecked]
