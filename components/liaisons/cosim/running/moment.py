@@ -82,13 +82,13 @@ class Moment:
 class Moments:
     """Saves the state of a run, and restores it.
 
-    :param owners: all that remembers anything from step to step, beside FMUs and bus.
+    :ivar owners: all that remembers anything from step to step, beside FMUs and bus.
     :ivar run: what tells the moments of a run from those of others; not the run itself, which would keep it alive.
     """
 
     def __init__(self, instances: Instances, bus: Bus, owners: Iterable[Remembering]) -> None:
         self.run = object()
-        self._instances, self._bus, self._owners = instances, bus, list(owners)
+        self._instances, self._bus, self.owners = instances, bus, list(owners)
         self._unused: list[FmuStates] = []  # of moments that were collected
 
     def save(self, time: float) -> Moment:
@@ -98,7 +98,7 @@ class Moments:
         """
         fmus = self._unused.pop() if self._unused else state_calls(self._instances)
         self._bus.perform(save for save, _ in fmus)
-        moment = Moment(self.run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self._owners])
+        moment = Moment(self.run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self.owners])
         finalize(moment, self._unused.append, fmus)
         return moment
 
@@ -107,7 +107,7 @@ class Moments:
         self._bus.perform(restore for _, restore in moment.fmus)
         self._bus.values[:] = moment.values
         self._bus.set_step(moment.time, moment.time)
-        for owner, memory in zip(self._owners, moment.memories, strict=True):
+        for owner, memory in zip(self.owners, moment.memories, strict=True):
             owner.restore(memory)
 
 

@@ -1,0 +1,88 @@
+"""A moment is the whole state of a run: each of its members comes back, and changes from step to step somewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from making import FmuPaths, wired
+
+from liaisons import Signal, System
+
+Made = tuple[System, dict[str, Any]]
+
+
+def _driven(component: FmuPaths) -> Made:
+    """A function that breaks where it says, and one that does not say it, into two pendulums."""
+    system = wired("upper.bob -> lower.pivot", upper=component("Pendulum"), lower=component("Pendulum"))
+    inputs = {
+        "upper.theta_force": Signal(lambda t: float(t > 0.23), breaks=[0.23]),
+        "upper.length": lambda t: (1 + 0.1 * abs(t - 0.31), 0.1 * np.sign(t - 0.31), 0.0),
+    }
+    return system, {"inputs": inputs}
+
+
+def _impacts(component: FmuPaths) -> Made:
+    ball = component("BouncingBall"), {"height_0": 0.05, "bounce": 0.5}
+    return wired("table.x -> ball.table", ball=ball, table=(component("Oscillator"), {"x_0": 0.0})), {}
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two saved states are the same to the bit."""
+    if isinstance(one, np.ndarray):
+        return one.tobytes() == other.tobytes()
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    return one is other or bool(one == other) or bool(one != one and other != other)  # noqa: PLR0124 - not a number
+
+
+@pytest.mark.core
+@pytest.mark.parametrize(
+    ("make", "name", "changing"),
+    [
+        (_driven, "lower.theta_force", {"Loop", "Coupled", "Drive", "Memory", "Timeline", "Progress", "RunVariables"}),
+        (_impacts, "table.x_force", {"Loop", "Coupled", "Progress", "RunVariables", "ImpactSteps"}),
+    ],
+)
+def test_each_member_comes_back(
+    component: FmuPaths, make: Callable[[FmuPaths], Made], name: str, changing: set[str]
+) -> None:
+    system, settings = make(component)
+    with system.start(1.0, 0.05, **settings) as run:
+        for k in range(3):
+            run.step({name: 0.1 * k})
+        first = run.save()
+        for k in range(6):
+            run.step({name: 0.3 + 0.1 * k})
+        later = run.save()
+        run.restore(first)
+        again = run.save()
+        owners = [type(owner).__name__ for owner in run._kernel.moments.owners]
+        seen = {}
+        for turn in range(2):
+            run.restore(first)
+            for k in range(6):
+                run.step({name: 0.3 + 0.1 * k})
+            seen[turn] = run.result.values
+    assert _same(again.values, first.values)
+    assert _same(seen[0], seen[1])
+    assert [own for own, a, b in zip(owners, first.memories, again.memories, strict=True) if not _same(a, b)] == []
+    changed = {own for own, a, b in zip(owners, first.memories, later.memories, strict=True) if not _same(a, b)}
+    assert not _same(first.values, later.values)
+    assert changing <= changed
+
+
+@pytest.mark.core
+def test_what_a_rejected_step_has_seen_is_forgotten(component: FmuPaths) -> None:
+    """The worst error of the estimate is that of the steps that are kept."""
+    system, _ = _driven(component)
+    with system.start(1.0, error_tolerance=1e-5, tolerance=1e-8) as run:
+        first, estimate = run.save(), run._observers.estimate
+        run.finish()
+        assert estimate.worst is not None
+        run.restore(first)
+        assert estimate.worst is None
