@@ -1,10 +1,15 @@
-"""Types of arrays, and blocks of their columns."""
+"""Types of arrays, indices, and blocks of columns."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 """An array of real numbers, of any shape."""
+
+
+def as_indices(numbers: object) -> NDArray[np.intp]:
+    """Integers as an array of indices."""
+    return np.array(numbers, dtype=np.intp)
 
 
 def lane_blocks(rows: Floats, width: int) -> Floats:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from liaisons.cosim.arrays import Numbers
+from liaisons.cosim.arrays import Memory, Numbers
 from liaisons.cosim.compiled.cached import cached_library
 from liaisons.cosim.compiled.calls import HEADER, Action, Call
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read_description
@@ -13,6 +13,9 @@ from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.loading import SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
 from liaisons.cosim.messages import DISCARD, FATAL, STATUSES, SUCCESS
+from liaisons.cosim.running.contacts import contact_variables, friction_variables
+from liaisons.cosim.running.kernel import Kernel
+from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -51,8 +54,11 @@ __all__ = [
     "Instance2",
     "Instance3",
     "Interrupted",
+    "Kernel",
     "Linearization",
     "Loaded",
+    "Memory",
+    "Moment",
     "Numbers",
     "OperatorFmu",
     "Port",
@@ -72,7 +78,9 @@ __all__ = [
     "VariableReference",
     "cached_library",
     "checked_simulation",
+    "contact_variables",
     "experiment_problems",
+    "friction_variables",
     "read_description",
     "read_result",
     "register",

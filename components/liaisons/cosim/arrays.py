@@ -15,11 +15,6 @@ Numbers = Vector | Array[c_double]
 """Contiguous doubles, which a prepared call reads or writes."""
 
 
-def as_indices(numbers: object) -> Indices:
-    """Integers as an array of indices."""
-    return np.array(numbers, dtype=np.intp)
-
-
 def pointer_to(values: Numbers) -> Array[c_double]:
     """ctypes array that shares the memory of an array of doubles, as an argument of a C function."""
     return (c_double * len(values)).from_buffer(values)  # type: ignore[arg-type] - NumPy says so from Python 3.12 on

@@ -11,8 +11,9 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.arrays import as_indices
 from liaisons.base.unit_definitions import Conversion
-from liaisons.cosim.arrays import Indices, Vector, as_indices
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from liaisons.cosim.arrays import Indices, as_indices
+from liaisons.base.arrays import as_indices
+from liaisons.cosim.arrays import Indices
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.coupling.records import EliminationRecord
 

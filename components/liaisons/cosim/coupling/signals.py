@@ -10,8 +10,9 @@ from typing import Any, final
 
 import numpy as np
 
+from liaisons.base.arrays import as_indices
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Memory, as_indices
+from liaisons.cosim.arrays import Memory
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Components, Port

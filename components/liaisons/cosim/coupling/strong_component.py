@@ -9,7 +9,8 @@ from typing import NoReturn, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector, as_indices
+from liaisons.base.arrays import as_indices
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import RAISED, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination

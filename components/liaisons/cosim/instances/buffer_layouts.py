@@ -15,7 +15,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.arrays import Indices, Vector, as_indices
+from liaisons.base.arrays import as_indices
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import texts

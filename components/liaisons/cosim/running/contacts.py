@@ -36,8 +36,8 @@ _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
 """Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
-LEAST_IMPULSE = 1e-8
-"""Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
+_LEAST_IMPULSE = 1e-8
+"""Smallest impulse that counts, relative to a force times the time in which it acts."""
 _UNSURE = 16.0, 16.0, 6.0
 """Error of a distance inside a step, in units of that of the inputs, by none, one and both of the points beside it."""
 _NARROWINGS = 3
@@ -60,38 +60,65 @@ class ContactMechanism:
     inputs: frozenset[int]
 
 
-def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
-    """Variables of each contact of an FMU: distance, its rate, whether it is closed, and number of impacts."""
+class ContactVariables(NamedTuple):
+    """Variables of a contact of an FMU: distance, its rate, whether it is closed, and number of impacts."""
+
+    distance: VariableReference
+    rate: VariableReference
+    closed: VariableReference
+    impacts: VariableReference
+
+    @property
+    def impulse(self) -> VariableReference:
+        """Sum of its impulses."""
+        return self._beside("impulse")
+
+    @property
+    def force(self) -> VariableReference:
+        """Its force."""
+        return self._beside("force")
+
+    def _beside(self, kind: str) -> VariableReference:
+        owner, impacts = self.impacts
+        name, _, element = impacts.rpartition("_impacts")
+        return owner, f"{name}_{kind}{element}"
+
+
+class FrictionVariables(NamedTuple):
+    """Variables of a dry friction of an FMU: its velocity, and the sign of that, 0 while it sticks."""
+
+    velocity: VariableReference
+    direction: VariableReference
+
+    @property
+    def force(self) -> VariableReference:
+        """Its force."""
+        owner, velocity = self.velocity
+        name, bracket, element = velocity.partition("[")
+        return owner, f"{name}_force{bracket}{element}"
+
+
+def contact_variables(part: SystemComponent) -> list[ContactVariables]:
+    """Variables of each contact of an FMU."""
     variables = part.fmu.variables
-    contacts: list[list[VariableReference]] = []
+    contacts: list[ContactVariables] = []
     for name, ending, element in (variable.rpartition("_impacts") for variable in variables):
         names = [f"{name}{suffix}{element}" for suffix in ("", "_dot", "_closed", "_impacts")]
         if ending and all(other in variables for other in names):
-            contacts.append([(part.name, other) for other in names])
+            contacts.append(ContactVariables(*((part.name, other) for other in names)))
     return contacts
 
 
-def friction_variables(part: SystemComponent) -> list[list[VariableReference]]:
-    """Variables of each dry friction of an FMU: its velocity, and the sign of that, 0 while it sticks."""
+def friction_variables(part: SystemComponent) -> list[FrictionVariables]:
+    """Variables of each dry friction of an FMU."""
     variables = part.fmu.variables
     parts = (name.rpartition("_sticks") for name in variables)
     pairs = [(f"{base}{element}", f"{base}_direction{element}") for base, ending, element in parts if ending]
-    return [[(part.name, name) for name in pair] for pair in pairs if all(name in variables for name in pair)]
-
-
-def friction_force(slip: str) -> str:
-    """Name of the force of a dry friction, by that of its velocity."""
-    name, bracket, element = slip.partition("[")
-    return f"{name}_force{bracket}{element}"
-
-
-def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
-    """Of each contact of an FMU: variable of the sum of its impulses -> that of its force."""
-    sums: dict[VariableReference, VariableReference] = {}
-    for *_, (owner, impacts) in contact_variables(part):
-        name, _, element = impacts.rpartition("_impacts")
-        sums[owner, f"{name}_impulse{element}"] = owner, f"{name}_force{element}"
-    return sums
+    return [
+        FrictionVariables(*((part.name, name) for name in pair))
+        for pair in pairs
+        if all(name in variables for name in pair)
+    ]
 
 
 class UnresolvedContact(NamedTuple):
@@ -330,32 +357,7 @@ def connections_losing_impulses(
         moved, mover = connection.source.part, connection.target.part
         if (impulse := impulse_name(connection.source.name)) in moved.fmu.variables:
             connections[moved.name, impulse] = connection
-        connections |= dict.fromkeys(contact_impulses(mover), connection)
-    return connections
-
-
-def connections_that_stop_impulses(
-    simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
-) -> dict[VariableReference, Connection]:
-    """Received sum of impulses -> connection that should hand them on, since its force depends on loads or rates.
-
-    :param solved: forces that are connected together with their impulses.
-    :param received: sums of impulses that an FMU receives -> load beside.
-    """
-    unsolved = [c for c in simulation.connections if c.is_reaction and c.source.reference not in solved]
-    jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
-    for _ in unsolved:
-        movers = {c.source.part.name: jumping.get(c.target.part.name) for c in unsolved}
-        jumping = {**{name: place for name, place in movers.items() if place}, **jumping}
-    connections: dict[VariableReference, Connection] = {}
-    for connection in unsolved:
-        (moved, force), terminal = connection.source.reference, connection.source.terminal
-        causes = [(place, load) for place, load in received.items() if place[0] == moved]
-        if (place := jumping.get(connection.target.part.name)) and terminal is not None and terminal.motion:
-            causes.append((place, terminal.motion[2]))
-        for place, cause in causes:
-            if cause in connection.source.part.fmu.variables and simulation.depends((moved, force), (moved, cause)):
-                connections.setdefault(place, connection)
+        connections |= {contact.impulse: connection for contact in contact_variables(mover)}
     return connections
 
 
@@ -370,7 +372,7 @@ def missing_impulses(
     missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.reference]
-        least = LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
+        least = _LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
             missing.append(MissingImpulses(connection, variable, sums, points))
     return missing

@@ -10,7 +10,7 @@ from liaisons.errors import RefusedError
 
 
 class NextSteps(NamedTuple):
-    """NextSteps that are made next.
+    """Steps that are made next.
 
     :param ends: their ends [s]; none if the next step crosses a break.
     :param target: instant to which they lead [s]; ``in_result``: whether what they reach is in the result.

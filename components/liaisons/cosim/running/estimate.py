@@ -18,8 +18,9 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.arrays import as_indices
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Indices, Vector, as_indices
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import (
     ContactMechanism,

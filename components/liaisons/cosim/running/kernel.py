@@ -8,17 +8,18 @@ up, so that one costs little more than the bare calls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Protocol, final
 
 import numpy as np
 
 from liaisons.base.arguments import shown
+from liaisons.base.published import registered
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import Explicit, MasterAlgorithm
-from liaisons.cosim.coupling.signals import connected_port_outputs
+from liaisons.cosim.coupling.signals import Signals, connected_port_outputs
 from liaisons.cosim.instances.protocol import Instance, Loaded
 from liaisons.cosim.running.breaks import Deviations
 from liaisons.cosim.running.loop import Loop
@@ -35,7 +36,7 @@ _FEW_POINTS = 1024
 """Points for which there is room at first in a run without an end."""
 
 
-class Happening(Protocol):
+class Happening(Remembering, Protocol):
     """What happens within steps, as impacts do."""
 
     def advance(self, ends: Sequence[float], *, in_result: bool) -> int:
@@ -45,6 +46,36 @@ class Happening(Protocol):
     def initialize(self, solve: Callable[[], None]) -> None:
         """Solve the equations of initialization, with what happens there."""
         ...
+
+    def start(self) -> None:
+        """Begin at the start time, once all FMUs are initialized."""
+        ...
+
+
+class Impulses(Protocol):
+    """Impulses that go through connections, by which FMUs take part in impacts of others."""
+
+    @property
+    def forces(self) -> Collection[VariableReference]:
+        """Forces that are connected together with their impulses."""
+        ...
+
+    @property
+    def variables(self) -> Sequence[VariableReference]:
+        """What is read of them, recorded or not."""
+        ...
+
+    def happening(self, kernel: Kernel) -> Happening:
+        """Steps of a kernel across impacts."""
+        ...
+
+
+def impulses_through(simulation: Simulation) -> Impulses | None:
+    """Impulses that go through connections; None if there are none, as in most simulations."""
+    if not (simulation.iterates and simulation.impulses):
+        return None
+    (connected_impulses,) = registered("liaisons.impacts")
+    return connected_impulses(simulation)
 
 
 @final
@@ -122,6 +153,14 @@ class Kernel:
         bus.perform(last)
         self.recorder.add(begin, bus.values, result_time=begin)
         self.timeline.find_next(begin)
+
+    @property
+    def signals(self) -> Signals:
+        """Signals of an implicit coupling, which impacts change."""
+        from liaisons.cosim.coupling.implicit import Coupled
+
+        assert isinstance(self.algorithm, Coupled)
+        return self.algorithm.signals
 
     @property
     def halves_first_step(self) -> bool:

@@ -19,13 +19,12 @@ from liaisons.cosim.running.contacts import (
     warn_of_missing,
 )
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impulses import ImpulsivePort, forces_through, impulse_sums
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     input_reconstructions,
     prepare_initial_gains,
 )
-from liaisons.cosim.running.kernel import Kernel
+from liaisons.cosim.running.kernel import Impulses, Kernel
 from liaisons.cosim.running.real_time import RealTime
 from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure.simulation import Simulation
@@ -36,24 +35,23 @@ from liaisons.results import Result
 class Observers:
     """What looks at a run without changing it: the estimate of errors, the watchdog, the clock, impulses that are lost.
 
-    :param ports: connections through which impulses go.
+    :param impulses: those that go through connections.
     :ivar variables: what they read, recorded or not.
     :ivar estimate: that of errors; ``watchdog`` that of constraints and energies; ``real_time`` the clock.
     """
 
-    def __init__(self, simulation: Simulation, ports: list[ImpulsivePort]) -> None:
+    def __init__(self, simulation: Simulation, impulses: Impulses | None) -> None:
         self.watchdog, self.real_time = Watchdog(simulation), RealTime()
-        self._sums = connections_losing_impulses(simulation, forces_through(ports))
+        self._sums = connections_losing_impulses(simulation, () if impulses is None else impulses.forces)
         fed = {name for name, _ in simulation.feeds}
         contacts = [
             variable
             for name, part in simulation.parts.items()
-            if ports or name in fed
+            if impulses or name in fed
             for variables in (*contact_variables(part), *friction_variables(part))
             for variable in variables
         ]
-        sums = [variable for pair in impulse_sums(simulation, ports).items() for variable in pair]
-        self.variables = [*self._sums, *contacts, *self.watchdog.variables, *sums]
+        self.variables = [*self._sums, *contacts, *self.watchdog.variables, *(impulses.variables if impulses else ())]
 
     def prepare(self, kernel: Kernel) -> None:
         """Prepare what they read on the bus."""

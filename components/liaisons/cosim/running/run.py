@@ -24,8 +24,7 @@ from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.messages import add_warnings, logger
 from liaisons.cosim.running.contacts import divisions_between
 from liaisons.cosim.running.driving import drive
-from liaisons.cosim.running.impulses import ImpulsivePort, impulsive_ports
-from liaisons.cosim.running.kernel import Kernel, fmpy_instance
+from liaisons.cosim.running.kernel import Kernel, fmpy_instance, impulses_through
 from liaisons.cosim.running.moment import Moment, check_goes_back, state_calls
 from liaisons.cosim.running.observers import Observers
 from liaisons.cosim.running.pace import EachStep, EqualParts, Points
@@ -38,7 +37,6 @@ from liaisons.errors import EndedError, SimulationError
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
-    from liaisons.cosim.running.impact_steps import ImpactSteps
     from liaisons.cosim.running.linearization import Linearization
 
 _MOST_ROUNDS = 6
@@ -67,12 +65,12 @@ class Run:
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in simulation.parts.values())
         with ExitStack() as stack, _pause_garbage_collection():
             instances = _load(simulation, folders, stack)
-            ports = impulsive_ports(simulation)
-            self._observers = observers = Observers(simulation, ports)
+            impulses = impulses_through(simulation)
+            self._observers = observers = Observers(simulation, impulses)
             self._kernel = kernel = Kernel(simulation, instances, observers.variables)
             observers.prepare(kernel)
             self._variables = RunVariables(simulation, instances, kernel.bus)
-            self._happening = _impact_steps(kernel, ports)
+            self._happening = None if impulses is None else impulses.happening(kernel)
             owners = [observers.estimate, self._variables, *filter(None, [self._happening])]
             kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate.can_estimate)
             self._chooses_steps = simulation.adapts or simulation.error_tolerance is not None
@@ -374,15 +372,6 @@ def _load(simulation: Simulation, folders: Mapping[Path, Path] | None, stack: Ex
         instance = make_instance(name, part.fmu, folder, requests_intermediate_update=updates, isolated=part.isolated)
         instances[name] = stack.enter_context(instance)
     return instances
-
-
-def _impact_steps(kernel: Kernel, ports: Sequence[ImpulsivePort]) -> ImpactSteps | None:
-    """Steps across impacts that several FMUs take part in; None if no impulses go through, as in most runs."""
-    if not ports:
-        return None
-    from liaisons.cosim.running.impact_steps import ImpactSteps
-
-    return ImpactSteps(kernel, ports)
 
 
 @contextmanager

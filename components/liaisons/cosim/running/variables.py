@@ -8,7 +8,8 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.arguments import shown
-from liaisons.cosim.arrays import Indices, Vector, as_indices
+from liaisons.base.arrays import as_indices
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances

@@ -1,16 +1,13 @@
-"""Connections through which impulses go from an FMU to another, see :mod:`liaisons.cosim.running.impacts`."""
+"""Connections through which impulses go from an FMU to another, see :mod:`liaisons.impacts.impacts`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
 from liaisons.base.port_names import jump_name
-from liaisons.cosim.running.contacts import contact_impulses
-from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim import Connection, Simulation, VariableReference, contact_variables
 from liaisons.errors import SimulationError
 
 
@@ -104,5 +101,30 @@ def impulse_sums(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict
     """Sum of impulses of each connection and contact that take part in impacts -> force that acts alike."""
     sums = {port.impulse.source.reference: port.force for port in ports}
     for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
-        sums |= contact_impulses(simulation.parts[name])
+        sums |= {contact.impulse: contact.force for contact in contact_variables(simulation.parts[name])}
     return sums
+
+
+def connections_that_stop_impulses(
+    simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
+) -> dict[VariableReference, Connection]:
+    """Received sum of impulses -> connection that should hand them on, since its force depends on loads or rates.
+
+    :param solved: forces that are connected together with their impulses.
+    :param received: sums of impulses that an FMU receives -> load beside.
+    """
+    unsolved = [c for c in simulation.connections if c.is_reaction and c.source.reference not in solved]
+    jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
+    for _ in unsolved:
+        movers = {c.source.part.name: jumping.get(c.target.part.name) for c in unsolved}
+        jumping = {**{name: place for name, place in movers.items() if place}, **jumping}
+    connections: dict[VariableReference, Connection] = {}
+    for connection in unsolved:
+        (moved, force), terminal = connection.source.reference, connection.source.terminal
+        causes = [(place, load) for place, load in received.items() if place[0] == moved]
+        if (place := jumping.get(connection.target.part.name)) and terminal is not None and terminal.motion:
+            causes.append((place, terminal.motion[2]))
+        for place, cause in causes:
+            if cause in connection.source.part.fmu.variables and simulation.depends((moved, force), (moved, cause)):
+                connections.setdefault(place, connection)
+    return connections

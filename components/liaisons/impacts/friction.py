@@ -15,16 +15,10 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.arrays import Vector, as_indices
-from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import Signals
-from liaisons.cosim.instances.protocol import Instance, Instances
-from liaisons.cosim.running.contacts import friction_force, friction_variables
-from liaisons.cosim.running.impulses import ImpulsivePort
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.base.arrays import Floats, as_indices
+from liaisons.cosim import Kernel, VariableReference, friction_variables
 from liaisons.errors import RefusedError
+from liaisons.impacts.impulses import ImpulsivePort
 
 _AT_REST = 1e-12
 """Velocity of what slides that is rounding, relative to the largest one."""
@@ -47,18 +41,10 @@ class _Influence:
     :param slip: velocity of the friction; of a load any rate of the FMU.
     """
 
-    def __init__(
-        self,
-        variables: Sequence[VariableReference],
-        slip: VariableReference,
-        simulation: Simulation,
-        instances: Instances,
-        *,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
-        part, own, (first, *_) = simulation.parts[slip[0]], instances[slip[0]], variables
-        self._bus, self._columns = bus, bus.columns(variables)
+    def __init__(self, variables: Sequence[VariableReference], slip: VariableReference, kernel: Kernel) -> None:
+        simulation, signals, (first, *_) = kernel.simulation, kernel.signals, variables
+        part, own = simulation.parts[slip[0]], kernel.instances[slip[0]]
+        self._bus, self._columns = kernel.bus, kernel.bus.columns(variables)
         self._values, self._slip = np.zeros(len(variables)), np.zeros(1)
         self._put = own.setter([part.fmu.variables[name] for _, name in variables], self._values)
         self._get = own.getter([part.fmu.variables[slip[1]]], self._slip)
@@ -66,11 +52,11 @@ class _Influence:
         self.is_load = len(variables) == 1
         self._factor = simulation.conversions[first].factor if first in simulation.conversions else 1.0
 
-    def value(self, row: Vector) -> float:
+    def value(self, row: Floats) -> float:
         """Its value in a row of the bus."""
         return float(row[self._columns[0]])
 
-    def add(self, row: Vector, change: float) -> None:
+    def add(self, row: Floats, change: float) -> None:
         """Add to it, and set the rate so that the velocity is 0, as it is to the tolerance of a step.
 
         :param row: values of the bus.
@@ -87,7 +73,7 @@ class _Influence:
             self._bus.perform([self._put])
             self._signals.before[self._index] += change / self._factor  # the slope of the rate
 
-    def hand_over(self, row: Vector) -> None:
+    def hand_over(self, row: Floats) -> None:
         """Let it have its value in another row while an instant is crossed."""
         self._signals.before[self._index] = self.value(row) / self._factor
 
@@ -99,32 +85,20 @@ class _Friction:
     :param variables: its velocity, and the direction of that.
     """
 
-    def __init__(
-        self,
-        variables: Sequence[VariableReference],
-        ports: Sequence[ImpulsivePort],
-        simulation: Simulation,
-        instances: Instances,
-        *,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
+    def __init__(self, variables: Sequence[VariableReference], ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
         slip, direction = variables
-        self._is_iterated = simulation.coupling == "waveform"
-        self.name, self._direction = ".".join(slip), int(bus.columns([direction])[0])
+        self._is_iterated = kernel.simulation.coupling == "waveform"
+        self.name, self._direction = ".".join(slip), int(kernel.bus.columns([direction])[0])
         inputs = [(port.acceleration, port.rate.target.reference) for port in ports if port.moved == slip[0]]
         loads = [(port.load,) for port in ports if port.mover == slip[0]]
-        self._influences = [
-            _Influence(variables, slip, simulation, instances, signals=signals, bus=bus)
-            for variables in (*inputs, *loads)
-        ]
+        self._influences = [_Influence(variables, slip, kernel) for variables in (*inputs, *loads)]
 
     @property
     def accelerations(self) -> list[_Influence]:
         """Those of its influences that are accelerations."""
         return [influence for influence in self._influences if not influence.is_load]
 
-    def find_sticking(self, before: Vector, slides: float, cross: Callable[[Action], Vector]) -> Action | None:
+    def find_sticking(self, before: Floats, slides: float, cross: Callable[[Action], Floats]) -> Action | None:
         """Find an input with which it sticks at an instant at which its velocity is 0.
 
         :param before: values of the bus before the instant.
@@ -176,11 +150,11 @@ class _Piece(NamedTuple):
     """
 
     modes: tuple[float, ...]
-    inputs: Vector
-    results: Vector
-    slopes: Vector
+    inputs: Floats
+    results: Floats
+    slopes: Floats
 
-    def at(self, inputs: Vector) -> Vector:
+    def at(self, inputs: Floats) -> Floats:
         """What it would return in these modes."""
         return self.results + self.slopes @ (inputs - self.inputs)
 
@@ -193,14 +167,15 @@ class _Node:
     :ivar outputs_of: indices of its outputs among the same.
     """
 
-    def __init__(self, part: SystemComponent, ports: Sequence[ImpulsivePort], instance: Instance, bus: Bus) -> None:
-        name, variables, count = part.name, part.fmu.variables, len(ports)
+    def __init__(self, name: str, ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
+        part, instance, bus, count = kernel.simulation.parts[name], kernel.instances[name], kernel.bus, len(ports)
+        variables = part.fmu.variables
         moved = [j for j, port in enumerate(ports) if port.moved == name]
         moving = [j for j, port in enumerate(ports) if port.mover == name]
         places = [*(ports[j].acceleration for j in moved), *(ports[j].load for j in moving)]
         outputs = [*(ports[j].force for j in moved), *(ports[j].mover_acceleration for j in moving)]
         frictions = friction_variables(part)
-        forces = [(name, friction_force(slip)) for (_, slip), _ in frictions]
+        forces = [friction.force for friction in frictions]
         self.inputs_of = as_indices([*moved, *(count + j for j in moving)])
         self.outputs_of = as_indices([*(count + j for j in moved), *moving])
         factors = [*(ports[j].factors[1] for j in moved), *(ports[j].factors[0] for j in moving)]
@@ -215,13 +190,13 @@ class _Node:
         if frictions:
             self._calls.append(instance.getter([variables[direction] for _, (_, direction) in frictions], self._modes))
 
-    def respond(self, inputs: Vector) -> tuple[tuple[float, ...], Vector]:
+    def respond(self, inputs: Floats) -> tuple[tuple[float, ...], Floats]:
         """The modes that it chooses alone; its outputs, in the units of the other side, and the forces of friction."""
         self._inputs[:] = inputs
         self._bus.perform(self._calls)
         return tuple(self._modes.tolist()), self._results * self._factors
 
-    def is_consistent(self, piece: _Piece, pieces: Sequence[_Piece], inputs: Vector) -> bool:
+    def is_consistent(self, piece: _Piece, pieces: Sequence[_Piece], inputs: Floats) -> bool:
         """Whether it can have the modes of a piece with other inputs.
 
         What it lets slide alone slides; what it lets stick may slide if its acceleration has the direction of that.
@@ -254,14 +229,14 @@ class _Node:
         ordered = sorted(found.items(), key=lambda item: np.count_nonzero(item[0]))
         return [self._piece(modes, inputs) for modes, inputs in ordered]
 
-    def _note(self, start: Vector, k: int, change: float, found: dict[tuple[float, ...], Vector]) -> tuple[float, ...]:
+    def _note(self, start: Floats, k: int, change: float, found: dict[tuple[float, ...], Floats]) -> tuple[float, ...]:
         inputs = start.copy()
         inputs[k] += change
         modes = self.respond(inputs)[0]
         found.setdefault(modes, inputs)
         return modes
 
-    def _piece(self, modes: tuple[float, ...], inputs: Vector) -> _Piece:
+    def _piece(self, modes: tuple[float, ...], inputs: Floats) -> _Piece:
         _, results = self.respond(inputs)
         slopes = np.zeros((len(results), len(inputs)))
         for k in range(len(inputs)):
@@ -279,17 +254,11 @@ class _Node:
 class Frictions:
     """Dry friction of FMUs that act on each other through ports."""
 
-    def __init__(
-        self,
-        simulation: Simulation,
-        ports: Sequence[ImpulsivePort],
-        instances: Instances,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
+    def __init__(self, ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
         """Take the ports through which impulses go, and forces with them."""
+        bus, signals = kernel.bus, kernel.signals
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
-        parts = [simulation.parts[name] for name in names]
+        parts = [kernel.simulation.parts[name] for name in names]
         frictions = [friction for part in parts for friction in friction_variables(part)]
         self._slips, self._directions = (bus.columns(friction[k] for friction in frictions) for k in range(2))
         self._motion = [
@@ -300,16 +269,12 @@ class Frictions:
         outputs = [*(port.mover_acceleration for port in ports), *(port.force for port in ports)]
         self._outputs = as_indices([signals.index[output] for output in outputs])
         self._factors = np.array([port.factors[k] for k in range(2) for port in ports])
-        self._make_nodes = [partial(_Node, part, ports, instances[part.name], bus) for part in parts if frictions]
+        self._make_nodes = [partial(_Node, name, ports, kernel) for name in names if frictions]
         loads = [(port.load, port.rate.source.reference) for port in ports if frictions]
-        self._loads = [
-            _Influence([load], rate, simulation, instances, signals=signals, bus=bus) for load, rate in loads
-        ]
-        self._frictions = [
-            _Friction(friction, ports, simulation, instances, signals=signals, bus=bus) for friction in frictions
-        ]
+        self._loads = [_Influence([load], rate, kernel) for load, rate in loads]
+        self._frictions = [_Friction(friction, ports, kernel) for friction in frictions]
 
-    def have_changed(self, before: Vector, after: Vector) -> bool:
+    def have_changed(self, before: Floats, after: Floats) -> bool:
         """Whether a friction has begun or ended to slide, by values of the bus before and after."""
         return bool(np.any(before[self._directions] != after[self._directions]))
 
@@ -338,7 +303,7 @@ class Frictions:
         return False
 
     def _must_slide(
-        self, k: int, nodes: Sequence[tuple[_Node, list[_Piece]]], combination: Sequence[_Piece], z: Vector
+        self, k: int, nodes: Sequence[tuple[_Node, list[_Piece]]], combination: Sequence[_Piece], z: Floats
     ) -> bool:
         """Whether what a node would let stick alone could not do so with the others as they are."""
         node, own = nodes[k]
@@ -350,7 +315,7 @@ class Frictions:
         other = self._agreed([(one, piece) for (one, _), piece in zip(nodes, held, strict=True)])
         return node.respond(other[node.inputs_of])[0] != modes
 
-    def _agreed(self, chosen: Sequence[tuple[_Node, _Piece]]) -> Vector:
+    def _agreed(self, chosen: Sequence[tuple[_Node, _Piece]]) -> Floats:
         """Accelerations and forces on which nodes agree in some modes."""
         matrix, right = np.eye(2 * self._count), np.zeros(2 * self._count)
         for node, piece in chosen:
@@ -359,19 +324,19 @@ class Frictions:
             right[node.outputs_of] += piece.at(np.zeros(len(piece.inputs)))[some]
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
-    def begins_to_slide(self, values: Vector, size: float) -> bool:
+    def begins_to_slide(self, values: Floats, size: float) -> bool:
         """Whether any dry friction slides without a velocity; ``size`` of a step [s]."""
         return bool(np.any(self._slide_at_rest(values, size)))
 
-    def _slide_at_rest(self, values: Vector, size: float) -> NDArray[np.bool_]:
+    def _slide_at_rest(self, values: Floats, size: float) -> NDArray[np.bool_]:
         rates, accelerations = (np.abs(values[columns]).max(initial=0.0) for columns in self._motion)
         return (np.abs(values[self._slips]) <= _AT_REST * (rates + size * accelerations)) & (
             values[self._directions] != 0
         )
 
     def let_stick(
-        self, before: Vector, after: Vector, size: float, crossings: tuple[Callable[..., Vector], Callable[[], Vector]]
-    ) -> Vector:
+        self, before: Floats, after: Floats, size: float, crossings: tuple[Callable[..., Floats], Callable[[], Floats]]
+    ) -> Floats:
         """Let dry friction stick that would slide on from a velocity of 0 as its FMU knows no more than its inputs.
 
         Each FMU chooses by the accelerations and loads of one way to slide, and others react to what it chooses.  Once

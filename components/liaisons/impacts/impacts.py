@@ -19,22 +19,12 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Memory, Vector, as_indices
-from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import Signals
-from liaisons.cosim.instances.protocol import Instance, Instances
-from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import (
-    LEAST_IMPULSE,
-    connections_that_stop_impulses,
-    contact_impulses,
-    contact_variables,
-)
-from liaisons.cosim.running.friction import Action, Frictions
-from liaisons.cosim.running.impulses import ImpulsivePort, forces_through, impulse_sums
-from liaisons.cosim.structure.components import SystemComponent
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.base.arrays import Floats, as_indices
+from liaisons.base.logs import logger
+from liaisons.cosim import Kernel, Memory, contact_variables
 from liaisons.errors import RefusedError
+from liaisons.impacts.friction import Action, Frictions
+from liaisons.impacts.impulses import ImpulsivePort, connections_that_stop_impulses, forces_through, impulse_sums
 
 _MOST_ITERATIONS, _MOST_STEPS, _MOST_AT_ONCE = 50, 200, 1000
 _DIFFERENCE = 1e-3
@@ -47,6 +37,8 @@ _ROUNDING = 8 * np.finfo(float).eps
 """The same, relative to the sums of which both sides are."""
 _MOST_ROUNDING = 1e3
 """Factor by which the difference may be larger if further iterations leave it as it is."""
+_LEAST_IMPULSE = 1e-8
+"""Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
 _LOSS = "impact_loss"
 _GAIN = 1e-9
 """Energy that an impact may gain by rounding, relative to what its impulses exchange."""
@@ -62,8 +54,9 @@ class _Node:
     :param results: indices, among the equations, of what its outputs increase by.
     """
 
-    def __init__(self, part: SystemComponent, ports: Sequence[ImpulsivePort], instance: Instance, bus: Bus) -> None:
-        name, variables, count = part.name, part.fmu.variables, len(ports)
+    def __init__(self, name: str, ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
+        instance, bus, count = kernel.instances[name], kernel.bus, len(ports)
+        variables = kernel.simulation.parts[name].fmu.variables
         moved = [j for j, port in enumerate(ports) if port.moved == name]
         moving = [j for j, port in enumerate(ports) if port.mover == name]
         places = [
@@ -97,7 +90,7 @@ class _Node:
         self._bus.perform(self._get_loss)
         return float(self._lost[0] - self._lost_before)
 
-    def begin(self, rates: Vector | None = None) -> None:
+    def begin(self, rates: Floats | None = None) -> None:
         """Begin an impact in the present state.
 
         :param rates: of its moved ports; None: those on the bus.
@@ -109,7 +102,7 @@ class _Node:
         self.starts = self.sums.copy()
         self.starts[: len(self._rates)] = self._bus.values[self._rates] if rates is None else rates
 
-    def respond(self, unknowns: Vector) -> Vector:
+    def respond(self, unknowns: Floats) -> Floats:
         """Increments of its outputs, in the units of the other side, when its inputs increase by the unknowns."""
         self.inputs[:] = self.starts + unknowns[self.increments]
         if np.array_equal(self.inputs[self._is_sum], self.starts[self._is_sum]):  # a sum that changes begins the impact
@@ -118,7 +111,7 @@ class _Node:
         self._bus.perform([self._restore, self._set, self._get])
         return (self.outputs - self.before) * self._factors
 
-    def end(self) -> Vector:
+    def end(self) -> Floats:
         """End the impact with the present inputs; returns the rates among them."""
         self.sums[:] = np.where(self._is_sum, self.inputs, 0.0)
         self.handed[:] = self.outputs[: len(self._rates)]
@@ -133,29 +126,22 @@ class Impacts:
     :ivar memory: sums of jumps and impulses so far.
     """
 
-    def __init__(
-        self,
-        simulation: Simulation,
-        ports: Sequence[ImpulsivePort],
-        instances: Instances,
-        signals: Signals,
-        bus: Bus,
-    ) -> None:
+    def __init__(self, ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
+        simulation, bus = kernel.simulation, kernel.bus
         self._title, self._bus = simulation.title, bus
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
-        parts = [simulation.parts[name] for name in names]
-        self._nodes = [_Node(part, ports, instances[part.name], bus) for part in parts]
+        self._nodes = [_Node(name, ports, kernel) for name in names]
         self._count = len(ports)
         self.memory = Memory(array for node in self._nodes for array in (node.sums, node.handed))
         received = {port.impulse.target.reference: port.impulse.target.force or "" for port in ports}
         ends = connections_that_stop_impulses(simulation, forces_through(ports), received)
         self._ends = [ends.get(port.impulse.target.reference) for port in ports]
-        contacts = [contact for part in parts for contact in contact_variables(part)]
+        contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
         self._gaps, self._rates, self._closed = (bus.columns(c[k] for c in contacts) for k in range(3))
         sums = impulse_sums(simulation, ports)
         self._sums, self._forces = map(bus.columns, (sums, sums.values()))
-        self._pushing = bus.columns(force for part in parts for force in contact_impulses(part).values())
-        self._frictions = Frictions(simulation, ports, instances, signals, bus)
+        self._pushing = bus.columns(contact.force for contact in contacts)
+        self._frictions = Frictions(ports, kernel)
         self.begins_to_slide, self.let_stick = self._frictions.begins_to_slide, self._frictions.let_stick
 
     def initialize(self, initialize: Action) -> None:
@@ -181,21 +167,21 @@ class Impacts:
                 self._bus.values[self._bus.index[alone[0]]],
             )
 
-    def has_impact(self, before: Vector, after: Vector, size: float) -> bool:
+    def has_impact(self, before: Floats, after: Floats, size: float) -> bool:
         """Whether there was an impact in a step, beyond rounding.
 
         :param before: values of the bus at its start; ``after`` at its end; ``size`` of the step [s].
         """
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
-        least = LEAST_IMPULSE * (np.abs(sums) + size * forces)
+        least = _LEAST_IMPULSE * (np.abs(sums) + size * forces)
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
 
-    def has_changed_contact(self, before: Vector, after: Vector) -> bool:
+    def has_changed_contact(self, before: Floats, after: Floats) -> bool:
         """Whether a contact has begun or ended to push or to slide, by values of the bus before and after."""
         pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
         return bool(np.any(pushed != pushes)) or self._frictions.have_changed(before, after)
 
-    def _time_to_contact(self, values: Vector) -> float:
+    def _time_to_contact(self, values: Floats) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
         gaps, rates = values[self._gaps], values[self._rates]
         closing = (rates < 0) & (gaps > 0)
@@ -246,7 +232,7 @@ class Impacts:
         words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
 
-    def _check_impact(self, time: float, z: Vector, loss: float, rounding: float) -> None:
+    def _check_impact(self, time: float, z: Floats, loss: float, rounding: float) -> None:
         """Refuse an impact that acts on what hands no impulses on, or that gains energy by more than rounding [J]."""
         jumps, impulses = np.split(z, 2)
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
@@ -258,7 +244,7 @@ class Impacts:
             return
         raise RefusedError(f"{self._title}: the impact at t = {time:.10g} s {why}")
 
-    def _solve_one(self, time: float) -> tuple[Vector, float]:
+    def _solve_one(self, time: float) -> tuple[Floats, float]:
         """Solve one impact; returns the jumps of rates followed by the impulses, and the size of their energy [J]."""
         z = np.zeros(2 * self._count)
         F = self._residual(z)
@@ -290,14 +276,14 @@ class Impacts:
             node.respond(z)
         return z, float(sizes[: self._count] @ sizes[self._count :])
 
-    def _residual(self, z: Vector) -> Vector:
+    def _residual(self, z: Floats) -> Floats:
         """Increments of outputs, less the unknowns."""
         F = -z
         for node in self._nodes:
             F[node.results] += node.respond(z)
         return F
 
-    def _jacobian(self, z: Vector, sizes: Vector) -> Vector:
+    def _jacobian(self, z: Floats, sizes: Floats) -> Floats:
         """Derivatives of the residual by the unknowns."""
         J = -np.eye(len(z))
         for node in self._nodes:
@@ -308,7 +294,7 @@ class Impacts:
                 J[node.results, k] += (node.respond(other) - middle) / (other[k] - z[k])
         return J
 
-    def _magnitudes(self, sizes: Vector) -> Vector:
+    def _magnitudes(self, sizes: Floats) -> Floats:
         """Magnitudes of the numbers that FMUs add the unknowns to."""
         magnitudes = sizes.copy()
         for node in self._nodes:
@@ -316,7 +302,7 @@ class Impacts:
             np.maximum.at(magnitudes, node.results, np.abs(node.before))
         return magnitudes
 
-    def _sizes(self, F: Vector) -> Vector:
+    def _sizes(self, F: Floats) -> Floats:
         """Sizes of jumps of rates, then of impulses, which are at least those that rates of this size would exchange.
 
         :param F: the residual at z = 0.

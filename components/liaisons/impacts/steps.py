@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, final
 from weakref import proxy
 
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.running.impacts import Impacts
-from liaisons.cosim.running.impulses import ImpulsivePort
-from liaisons.cosim.running.kernel import Kernel
-from liaisons.cosim.running.moment import Moment
+from liaisons.base.arrays import Floats
+from liaisons.cosim import Kernel, Moment
 from liaisons.errors import RefusedError
+from liaisons.impacts.impacts import Impacts
+from liaisons.impacts.impulses import ImpulsivePort
 
 _LEAST_IMPACT_DISTANCE = 1e-9
 """Time from an impact to a communication point below which they are one, relative to a step."""
@@ -32,9 +30,7 @@ class ImpactSteps:
 
     def __init__(self, kernel: Kernel, ports: Sequence[ImpulsivePort]) -> None:
         self._kernel: Kernel = proxy(kernel)  # which refers to this: a run is freed when nothing refers to it
-        assert isinstance(kernel.algorithm, Coupled)  # where impulses go through
-        signals = kernel.algorithm.signals
-        self._impacts = Impacts(kernel.simulation, ports, kernel.instances, signals, kernel.bus)
+        self._impacts = Impacts(ports, self._kernel)
         self._forget_step()
 
     def initialize(self, solve: Callable[[], None]) -> None:
@@ -131,13 +127,13 @@ class ImpactSteps:
         before = recorder.rows[recorder.done - 1].copy()
         stop = min(now + kernel.timeline.tiny_step(now, size), end)
 
-        def cross(*actions: Callable[[], None]) -> Vector:
+        def cross(*actions: Callable[[], None]) -> Floats:
             kernel.moments.restore(start)
             for action in actions:
                 action()
             return kernel.cross(now, stop)
 
-        def go_on() -> Vector:
+        def go_on() -> Floats:
             return kernel.cross(stop, stop + (stop - now))
 
         after = kernel.cross(now, stop) if stop > now else before
