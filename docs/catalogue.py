@@ -103,7 +103,7 @@ def page_of_the_site(name: str, summary: str, page: str, *, live: bool, numbers:
         "\n".join(f"```{{index}} single: !{entry}\n```" for entry in entries),
         f"# {name}",
         f"<p>{escape(summary)}</p>{link}",
-        *([f'<p>Of <a href="../reference/texts.html">both texts</a> it has {numbers}.</p>'] if numbers else []),
+        *([f"<p>Has {numbers}.</p>"] if numbers else []),
     ]
     for title, body in re.findall(r"<section id=[^>]*><h2>(.*?)</h2>\n(.*?)</section>", page, re.DOTALL):
         parts.append(f'## {title}\n\n{FENCE}{{raw}} html\n<div class="component">\n{body}</div>\n{FENCE}')

@@ -185,7 +185,7 @@ def _links(what: str, names: list[str]) -> str:
 def _of_the_texts(name: str) -> str:
     """What a scenario verifies of both texts."""
     links = load_module(Path(__file__).parent / "texts.py").links(name)
-    return f'<p>Of <a href="../reference/texts.html">both texts</a> this verifies {links}.</p>' if links else ""
+    return f"<p>Verifies {links}.</p>" if links else ""
 
 
 def _frame(page: str, caption: str) -> str:

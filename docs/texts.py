@@ -96,13 +96,14 @@ def page(shown: Collection[str]) -> str:
     :param shown: scenarios that have a page.
     """
     introduction = (
-        "Every numbered equation, every example, figure and proposition of the two texts of the "
+        "Every numbered equation, example, figure and proposition of the two texts of the "
         "[bibliography](bibliography.md), and what they state without a number: the formula, where it lives, what "
-        "verifies it and how finely.  `liaisons text K122` prints a line of it, `liaisons text viriel` searches it, in "
-        "French, too; `liaisons run K122` runs what verifies it.  Tolerances are those that the tests and scenarios "
-        "named here apply, in SI units or relative, the finest and the coarsest; a scenario's page has the errors "
-        "found.  A *misprint* is wrong in the text: the formula here is corrected, and in most cases a test shows that "
-        "the printed form fails.  *Holds if* names what the text takes for granted."
+        "verifies it, and to which tolerance.  In a terminal, `liaisons text K122` looks up a number, "
+        "`liaisons text viriel` searches in English and French, and `liaisons run K122` runs what verifies it.  "
+        "Tolerances are the finest and the coarsest of the tests and scenarios named here, in SI units or relative; "
+        "the errors themselves are on the scenario's page.  A *misprint* is an error in the text: the formula here is "
+        "corrected, and in most cases a test shows that the printed form fails.  *Holds if* names what the text "
+        "assumes without saying so."
     )
     parts = ["# Both texts, line by line", introduction, _counts(entries())]
     for text, title in TITLES.items():

@@ -51,15 +51,22 @@ def scenario_themes() -> dict[str, tuple[str, list[str]]]:
 
 
 def scenario_claim(path: Path) -> str:
-    """Claim of a scenario: the first paragraph of its docstring, read without running the file.
+    """Claim of a scenario: the first paragraph of its docstring.
+
+    :raises ProjectError: if it is no Python file.
+    """
+    return " ".join(scenario_documentation(path).partition("\n\n")[0].split())
+
+
+def scenario_documentation(path: Path) -> str:
+    """Docstring of a scenario, read without running the file.
 
     :raises ProjectError: if it is no Python file.
     """
     try:
-        documentation = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        return ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
     except SyntaxError as error:
         raise ProjectError(f"{path}:{error.lineno}: {error.msg}") from None
-    return " ".join(documentation.partition("\n\n")[0].split())
 
 
 def figures_directory(scenario: Path) -> Path:

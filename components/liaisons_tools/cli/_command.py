@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +16,7 @@ from liaisons.base.files import check_writable
 from liaisons.base.version import __version__
 from liaisons.errors import SimulationError
 from liaisons.library import component_names, components, is_robot, variables
-from liaisons.scenario_files import scenario_claim, scenario_files, scenario_themes
+from liaisons.scenario_files import scenario_claim, scenario_documentation, scenario_files, scenario_themes
 
 if TYPE_CHECKING:
     from liaisons import Verdict
@@ -33,6 +34,7 @@ application = typer.Typer(
     help="From one Lagrangian with active constraints to verified FMUs.",
     epilog=_examples("""
         liaisons list                                   components and scenarios
+        liaisons list kapitza                           ... those that have this word
         liaisons text K122                              a number of the two texts, and what verifies it
         liaisons run pumped_swing                       a claim, its FMUs, its verdict, its figure
         liaisons run --all
@@ -112,12 +114,26 @@ def flag(names: str, words: str) -> Any:
     return typer.Option(names, help=words)
 
 
-def print_scenarios() -> None:
-    """Print the claims of the scenarios, a table for each theme."""
+def print_scenarios(words: Sequence[str] = ()) -> bool:
+    """Print the claims of the scenarios, a table for each theme; return whether there are any.
+
+    :param words: beginnings of words that name and docstring of a scenario have, all of them.
+    """
     files = scenario_files()
+    found = False
     for name, (title, scenarios) in scenario_themes().items():
-        print(f"\n{title}: liaisons run --theme {name}\n")
-        print_table({"scenario": scenario, "claim": scenario_claim(files[scenario])} for scenario in scenarios)
+        chosen = [s for s in scenarios if has_words(f"{s} {scenario_documentation(files[s])}", words)]
+        if chosen or not words:
+            found = True
+            print(f"\n{title}: liaisons run --theme {name}\n")
+            print_table({"scenario": s, "claim": scenario_claim(files[s])} for s in chosen)
+    return found
+
+
+def has_words(text: str, words: Iterable[str]) -> bool:
+    """Whether words of a text begin with all of these; capitals do not matter, and a name is several words."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])|_", " ", text).casefold()
+    return all(re.search(rf"\b{re.escape(word.replace('_', ' ').casefold())}", text) for word in words)
 
 
 def subject_argument(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:

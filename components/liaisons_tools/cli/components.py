@@ -21,7 +21,7 @@ from liaisons.base.processes import die_with_parent
 from liaisons.base.project import fmus_directory, relative_to_working_directory
 from liaisons.base.published import own_components, published_components, publishers
 from liaisons.errors import BackEndError, LiaisonsError, ProjectError
-from liaisons.library import build_versions, reserve_fmu
+from liaisons.library import build_versions, is_target, reserve_fmu
 from liaisons.library import components as find
 from liaisons_tools.cli._command import (
     BalanceInertia,
@@ -33,6 +33,7 @@ from liaisons_tools.cli._command import (
     add_robot_options,
     command,
     flag,
+    has_words,
     option,
     print_scenarios,
     print_table,
@@ -49,19 +50,33 @@ T = TypeVar("T")
 @command(
     """
     liaisons list
+    liaisons list kapitza                                those that have this word
+    liaisons list bead hoop                              ... both words
     liaisons list my_component.py
     """,
     name="list",
 )
 def list_components(
-    targets: Annotated[list[str] | None, subject_argument("FILE.py", "show those of these files instead")] = None,
+    targets: Annotated[
+        list[str] | None, subject_argument("WORD|NAME|FILE.py", "show those that have all words, or those of files")
+    ] = None,
 ) -> int:
     """Show the components, with their free and active coordinates, and the scenarios by theme."""
+    if targets and not any(target == "all" or is_target(target) for target in targets) and _show_found(targets):
+        return 0
     print_table([_component_row(component) for target in targets or ["all"] for component in find(target)])
     if not targets:
         _show_published()
         print_scenarios()
     return 0
+
+
+def _show_found(words: list[str]) -> bool:
+    """Print components and scenarios that have all words in their names or docstrings; return whether there are any."""
+    found = [c for c in find("all") if has_words(f"{c.__name__} {c.__doc__}", words)]
+    if found:
+        print_table(map(_component_row, found))
+    return print_scenarios(words) or bool(found)
 
 
 def _show_published() -> None:

@@ -28,6 +28,21 @@ def test_scenarios_are_listed_by_theme_with_what_they_claim(runs: Runs, tmp_path
     assert out.index("Of this directory: liaisons run --theme own\n") < out.index("\nmine      Two is two.\n")
 
 
+def test_list_finds_components_and_scenarios_by_words(runs: Runs, liaisons: Cli) -> None:
+    def names(*words: str) -> set[str]:
+        lines = runs("list", *words).splitlines()
+        return {line.split()[0] for line in lines if line and line[0] not in " -"} - {"name", "scenario"}
+
+    assert {"kapitza", "held_pendulum"} <= names("kapitza")
+    assert "Pendulum" not in names("kapitza")
+    assert {"CircularHoop", "driven_hoop"} <= names("bead", "Hoop") < names("bead")
+    assert "Pid" in names("PID")
+    assert {"observed_double_pendulum"} <= names("Kalman")  # in the second paragraph
+    assert "driven_hoop" in names("driven_hoop")
+    assert is_misuse(liaisons("list", "Pendulun"), "did you mean 'Pendulum'")
+    assert is_misuse(liaisons("list", "Pendulum", "kapitza"), "'kapitza'")
+
+
 def test_list_shows_the_components_of_a_file_but_not_its_abstract_base(runs: Runs, bead: Path) -> None:
     assert [line.split()[0] for line in runs("list", bead).splitlines()[2:]] == ["Bead", "Parabola"]
     assert [line.split()[0] for line in runs("list", f"{bead}:Parabola").splitlines()[2:]] == ["Parabola"]
