@@ -320,7 +320,7 @@ class Frictions:
         matrix, right = np.eye(2 * self._count), np.zeros(2 * self._count)
         for node, piece in chosen:
             some = slice(len(node.outputs_of))
-            matrix[np.ix_(node.outputs_of, node.inputs_of)] -= piece.slopes[some]
+            matrix[node.outputs_of[:, np.newaxis], node.inputs_of] -= piece.slopes[some]
             right[node.outputs_of] += piece.at(np.zeros(len(piece.inputs)))[some]
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
