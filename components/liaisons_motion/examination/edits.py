@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, final
 
@@ -112,12 +112,11 @@ def _renamed(node: ast.AST, field: str, name: str, shown: ast.AST, *, rank: int,
 
 def _edit(shown: ast.AST, places: Sequence[tuple[ast.AST, str, int | None, Any]], rank: int, method: str) -> Edit:
     """Edit whose texts are those of the whole expression ``shown``, before and after it."""
-    written = ast.unparse(shown)
-    edit = Edit(getattr(shown, "lineno", 0), written, "", method, rank, places)
+    edit = Edit(getattr(shown, "lineno", 0), ast.unparse(shown), "", method, rank, places)
     take_back = edit.swap()
     instead = ast.unparse(shown)
     take_back()
-    return Edit(edit.line, written, instead, method, rank, places)
+    return replace(edit, instead=instead)
 
 
 def _edits_at(node: ast.AST, alike: Callable[[str], Sequence[str]], method: str) -> Iterator[Edit]:

@@ -26,7 +26,6 @@ from liaisons_motion.examination.motions import EquationsOfMotion
 from liaisons_motion.examination.repairs import Cause, causes, causes_of_refusal
 from liaisons_motion.examination.trials import Trial, trials_of
 
-_LOADED = "it can be loaded"
 _SEED = 20
 _TRIALS = 3
 """Sets of values beside the declared ones: two that agree by chance are rare, a third one costs little."""
@@ -39,22 +38,19 @@ class Examination:
 
     :ivar causes: single changes with which all agrees, the likeliest first; none where all holds.
     :ivar unchecked: what was not checked, and why.
+    :ivar is_loaded: whether the component's declarations were accepted.
     """
 
     component: str
     verdicts: tuple[Verdict, ...]
     causes: tuple[Cause, ...] = ()
     unchecked: tuple[str, ...] = ()
+    is_loaded: bool = True
 
     @property
     def passed(self) -> bool:
         """Whether all verdicts hold."""
         return all(one.passed for one in self.verdicts)
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether the component's declarations were accepted."""
-        return not any(one.claim.startswith(_LOADED) for one in self.verdicts)
 
     def as_dictionary(self) -> dict[str, Any]:
         """All of it as numbers, texts, lists and dictionaries, for programs; an infinite error is None."""
@@ -98,8 +94,9 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
         path = Path(component) if isinstance(component, (str, Path)) else Path()
         if path.suffix != ".py" or not path.is_file():
             raise
-        report.add(f"{_LOADED}: {error}", math.inf, 0.0, "a component is checked when it is declared")
-        return Examination(path.stem, tuple(report.verdicts), tuple(causes_of_refusal(str(path), end)))
+        report.add(f"it can be loaded: {error}", math.inf, 0.0, "a component is checked when it is declared")
+        repairs = tuple(causes_of_refusal(str(path), end))
+        return Examination(path.stem, tuple(report.verdicts), repairs, is_loaded=False)
     equations: EquationsOfMotion | None = None
     try:
         equations = EquationsOfMotion(declared)

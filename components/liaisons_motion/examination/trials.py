@@ -69,16 +69,15 @@ def solution_of(closed: ClosedForm, values: Mapping[str, float], declared: Mappi
     :raises ValidityError: if it does not cover them.
     :raises TypeError: if it returns no arrays of the shape of t by name.
     """
-    given = {name: value for name, value in values.items() if value != declared[name]}
+    changed = {name: value for name, value in values.items() if value != declared[name]}
     with np.errstate(all="ignore"):
-        solution = closed(t, **given)
+        solution = closed(t, **changed)
     if not isinstance(solution, Mapping):
         raise TypeError(f"it returns {type(solution).__name__}; return arrays by the names of variables")
     arrays = dict[str, NDArray]()
     for name, value in solution.items():
         array = np.asarray(value, dtype=float)
-        rows = {name: array} if array.ndim < 2 else {f"{name}[{k + 1}]": row for k, row in enumerate(array.T)}
-        arrays |= rows
+        arrays |= {name: array} if array.ndim < 2 else {f"{name}[{k + 1}]": row for k, row in enumerate(array.T)}
     if wrong := [name for name, value in arrays.items() if value.shape != t.shape]:
         raise TypeError(f"{wrong[0]} has the shape {arrays[wrong[0]].shape} at times of the shape {t.shape}")
     return arrays
@@ -105,7 +104,7 @@ def trials_of(
                 return
             try:
                 candidate = solution_of(closed, other | {name: value}, declared, t)
-            except (ValidityError, LiaisonsError):
+            except LiaisonsError:
                 continue
             if all(np.all(np.isfinite(value)) for value in candidate.values()):
                 other[name], solution = value, candidate

@@ -46,15 +46,9 @@ def check(
     if as_json:
         whole = {"subject": fmu, "passed": all(one.passed for one in verdicts), "notes": texts}
         rows = [{**one.row(), "reason": one.reason, "passed": one.passed} for one in verdicts]
-        print(json.dumps({**whole, "verdicts": rows, **_examined(examination)}, indent=2, ensure_ascii=False))
+        component = {} if examination is None else {"component": examination.as_dictionary()}
+        print(json.dumps({**whole, "verdicts": rows, **component}, indent=2, ensure_ascii=False))
         return 0 if whole["passed"] else 1
     for text in texts:
         print(text)
     return print_verdicts(verdicts)
-
-
-def _examined(examination: object) -> dict[str, object]:
-    """The examination of a component, if there was one."""
-    from liaisons import Examination
-
-    return {"component": examination.as_dictionary()} if isinstance(examination, Examination) else {}

@@ -16,8 +16,10 @@ from scipy.interpolate import BPoly
 
 from liaisons import System, tabulated
 from liaisons.errors import SimulationError
+from liaisons.fmu.code import model_code
 from liaisons.interface import MOST_KNOTS
-from liaisons.models import PlannedMotion, Sinusoid
+from liaisons.mechanics import assemble
+from liaisons.models import ForceRegulator, PlannedMotion, Sinusoid
 from liaisons_exchange import ssp
 
 NAMES = ("instant", "value", "rate", "acceleration")
@@ -153,6 +155,12 @@ WRONG = {
     "back": (np.array([[0, 1, 0.5], *np.ones((3, 3))]), "row 3 of the table: 0.5 after 1: its first column"),
     "infinite": (np.array([[0, 1], [0, np.nan], [0, 0], [0, 0]]), "row 2 of the table: nan: finite numbers only"),
 }
+
+
+def test_adjoint_derivatives_of_a_table_with_zeros_in_its_rows() -> None:
+    """A sampled force depends on few columns of its rows, of which FMI 3.0 has all derivatives."""
+    code = model_code(assemble(ForceRegulator), "{0}", "3")
+    assert "calculate_reverse" in code
 
 
 @pytest.mark.parametrize("case", WRONG)

@@ -37,7 +37,7 @@ _BRINK = 1e-6
 
 @final
 class Points:
-    """NextSteps to communication points, many at once.
+    """Steps to communication points, many at once.
 
     :param stop: number of points to be reached.
     :param most: most points between two reports of progress; ``reports``: there are any.
@@ -97,12 +97,12 @@ class Points:
         self._many = min(self._most, max(1, 2 * self._many if is_fast else self._many // 2))
 
     def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
-        """Never asked."""
+        """Not called: :func:`drive` judges steps of a pace that repeats them, and these are not repeated."""
         raise NotImplementedError
 
 
 class _ByErrors:
-    """NextSteps that are kept if the estimate of their errors allows."""
+    """Steps that are kept if the estimate of their errors allows."""
 
     repeats = True
 
@@ -142,13 +142,13 @@ class _ByErrors:
         self._times, self._rows = times[-_MEMORY:], rows[-_MEMORY:]
 
     def reached(self, count: int) -> None:
-        """Never told."""
+        """Not called: :func:`drive` tells a pace that repeats steps by :meth:`accepts` alone."""
         raise NotImplementedError
 
 
 @final
 class EachStep(_ByErrors):
-    """NextSteps of a size that keeps the error of each below the tolerance."""
+    """Steps of a size that keeps the error of each below the tolerance."""
 
     def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
         super().__init__(kernel, estimate)
@@ -212,7 +212,7 @@ class EqualParts(_ByErrors):
         self._count, self._error = _FIRST, 0.0  # number of steps, and their error since the last point
 
     def next_steps(self) -> NextSteps | None:
-        """NextSteps to the next point, two at least where a piece begins, as of one alone there is no estimate."""
+        """Steps to the next point, two at least where a piece begins, as of one alone there is no estimate."""
         points, done = self._kernel.simulation.times, self._kernel.progress.points
         if done == len(points):
             return None

@@ -325,6 +325,7 @@ class Run:
         kernel.recorder.hide(hidden)
         recorded = self._observers.recorded_result(kernel)
         divides = kernel.timeline.divides and not self._chooses_steps and math.isfinite(times[-1])
+        divides = divides and bool(estimate.divisions)  # none in most runs, whose points are not copied
         more = divisions_between(estimate.divisions, np.array(times)) if divides else np.empty(0)
         if more.size and len(hidden) + len(more) <= _MOST_DIVISIONS * len(times):
             return more
