@@ -65,7 +65,7 @@ class Moment:
     :param time: [s].
     :param values: of the bus.
     :param fmus: the states of all FMUs.
-    :param memories: what all else remembers, in the order of :class:`Moments`; recorded points are shared.
+    :param memories: what all else remembers, in the order of ``Moments``; recorded points are shared.
     """
 
     run: object
