@@ -42,7 +42,7 @@ def test_import_alone_is_light() -> None:
 
 
 EXTENSIONS = (
-    *("chains", "closed_forms", "composition", "contacts", "impacts", "isolation", "linkages"),
+    *("chains", "closed_forms", "composition", "contacts", "coupling_estimate", "impacts", "isolation", "linkages"),
     *("model_exchange", "python_fmu", "reference_results", "typed_formulas"),
 )
 

@@ -20,7 +20,6 @@ import liaisons
 from liaisons.base import cache
 from liaisons.base.arguments import as_path, check_finite, merged_start_values, name_dictionary, name_list
 from liaisons.base.folders import process_folder
-from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
 from liaisons.base.published import registered
 from liaisons.cosim import OperatorFmu, Services, System, register, simulate, start
@@ -29,6 +28,7 @@ from liaisons.library import Target, component, fmu_file, is_target
 
 if TYPE_CHECKING:
     from liaisons import DisplayedEquations, LivePage
+    from liaisons.base.knots import Join
     from liaisons.cosim import Linearization
     from liaisons.mechanics import Model
 
@@ -176,6 +176,8 @@ def tabulated(
         that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
     :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
     """
+    from liaisons.base.knots import knots
+
     table, fmu = knots(times, values, rates, accelerations, join), fmu_file("PlannedMotion")
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")

@@ -1,6 +1,8 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import lazy_loader
 
 from liaisons.cosim.arrays import Memory, Numbers
 from liaisons.cosim.compiled.cached import cached_library
@@ -8,8 +10,6 @@ from liaisons.cosim.compiled.calls import HEADER, Action, Call
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
 from liaisons.cosim.description.variables import Entry
-from liaisons.cosim.instances.fmi2 import Instance2
-from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.loading import SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
 from liaisons.cosim.messages import DISCARD, FATAL, STATUSES, SUCCESS
@@ -30,6 +30,8 @@ from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
+    from liaisons.cosim.instances.fmi2 import Instance2
+    from liaisons.cosim.instances.fmi3 import Instance3
     from liaisons.cosim.running.fmu_equations import FmuEquations
     from liaisons.cosim.running.linearization import Linearization
     from liaisons.cosim.running.roll_back import roll_back_difference
@@ -92,19 +94,14 @@ __all__ = [
     "structure_fields",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Return what no run needs, imported at its first use."""
-    if name == "FmuEquations":
-        from liaisons.cosim.running.fmu_equations import FmuEquations
-
-        return FmuEquations
-    if name == "Linearization":
-        from liaisons.cosim.running.linearization import Linearization
-
-        return Linearization
-    if name == "roll_back_difference":
-        from liaisons.cosim.running.roll_back import roll_back_difference
-
-        return roll_back_difference
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# What not every run needs is imported at its first use.
+__getattr__, _, _ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "instances.fmi2": ["Instance2"],
+        "instances.fmi3": ["Instance3"],
+        "running.fmu_equations": ["FmuEquations"],
+        "running.linearization": ["Linearization"],
+        "running.roll_back": ["roll_back_difference"],
+    },
+)

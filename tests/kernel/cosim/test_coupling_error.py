@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import Signal, System, flatten
 from liaisons.cosim import Coupling, Result, simulate
-from liaisons.cosim.running.estimate import Worst, _cubic_integrals
+from liaisons.coupling_estimate.estimate import Worst, _cubic_integrals
 from liaisons.errors import LiaisonsError
 
 SEEN = ("upper.bob_x", "upper.bob_z", "upper.bob_x_dot", "upper.bob_z_dot")

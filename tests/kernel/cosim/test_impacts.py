@@ -24,7 +24,7 @@ from liaisons import (
     unilateral,
 )
 from liaisons.cosim import Coupling, Interrupted
-from liaisons.cosim.running.contacts import ContactMechanism, accumulated_errors
+from liaisons.coupling_estimate.contacts import ContactMechanism, accumulated_errors
 
 
 class BallOnSpring(Mechanism):

@@ -42,7 +42,7 @@ class Coupled:
         parts, feeds = simulation.parts, simulation.feeds
         references = [reference for name in (SIGNALS, *parts) for reference in bus.connected_outputs[name]]
         groups, cyclic, prescribed = simulation.strong_components, simulation.cyclic, simulation.chosen_reconstructions
-        self.signals = signals = Signals(parts, feeds, references, prescribed)
+        self.signals = signals = Signals(simulation, references)
         self._drives = [
             (
                 drive,

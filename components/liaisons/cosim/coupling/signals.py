@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
@@ -15,46 +15,9 @@ from liaisons.base.hermite import coefficient_matrix
 from liaisons.cosim.arrays import Memory
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
-from liaisons.cosim.structure.components import Components, Port
-from liaisons.cosim.structure.schedule import Feeds, VariableReference
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
-
-
-def connected_port_outputs(parts: Components, feeds: Feeds) -> list[VariableReference]:
-    """All outputs of the ports that connected outputs belong to."""
-    ports = (port_and_order(parts, feeds, source)[0] for source in feeds.values())
-    return [reference for triple in ports for reference in triple]
-
-
-def port_and_order(parts: Components, feeds: Feeds, source: VariableReference) -> tuple[list[VariableReference], int]:
-    """Value, rate and acceleration of the port of an output, and which derivative the output is.
-
-    A function of time that drives a whole port is a port, too.
-
-    :returns: without a port, the output alone and 0.
-    """
-    if source[0] == SIGNALS:
-        triple, order = Port(parts[(target := driven_input(feeds, source))[0]], target[1]).motion_and_order()
-        sources = [feeds.get(end.reference, ("?", "")) for end in triple or ()]
-        whole = triple is not None and all(name == SIGNALS for name, _ in sources)
-        return (sources, order) if whole else ([source], 0)
-    triple, order = Port(parts[source[0]], source[1]).motion_and_order()
-    return ([end.reference for end in triple], order) if triple else ([source], 0)
-
-
-def driven_input(feeds: Feeds, drive: VariableReference) -> VariableReference:
-    """The input that a function of time drives."""
-    return next(target for target, source in feeds.items() if source == drive)
-
-
-def units_of(parts: Components, feeds: Feeds, references: Iterable[VariableReference]) -> list[str]:
-    """Unit of each variable; a variable that is no Real has one of its own."""
-    units: list[str] = []
-    for reference in references:
-        name, variable = driven_input(feeds, reference) if reference[0] == SIGNALS else reference
-        scalar = parts[name].fmu.variables[variable]
-        units.append(scalar.unit if scalar.type == "Real" else f"{name}.{variable}")
-    return units
 
 
 @final
@@ -130,7 +93,6 @@ class Signals:
     Index i < n is a value, n + i its slope, 2n a zero that stands for an unknown number.
 
     :param references: the outputs, those of one component side by side.
-    :param prescribed: components outside of cycles whose inputs hold or extrapolate, as the user has said.
     :ivar sloped: components that give derivatives of their outputs.
     :ivar ends: all at t and at t + H; ``earlier`` those at the point before t, ``since`` how long ago that was.
     :ivar rates: index of the derivative of each.
@@ -140,15 +102,10 @@ class Signals:
     :ivar held: whether a value is discrete: until t + H it stays as it was at t.
     """
 
-    def __init__(
-        self,
-        parts: Components,
-        feeds: Feeds,
-        references: Sequence[VariableReference],
-        prescribed: Collection[str] = (),
-    ) -> None:
-        self._parts, self._feeds, self._prescribed = parts, feeds, prescribed
-        self._port_and_order = partial(port_and_order, parts, feeds)
+    def __init__(self, simulation: Simulation, references: Sequence[VariableReference]) -> None:
+        self._parts, self._feeds = simulation.parts, simulation.feeds
+        self._prescribed = simulation.chosen_reconstructions
+        self._port_and_order = simulation.port_and_order
         self.count = len(references)
         self.references = references
         self.index = {reference: k for k, reference in enumerate(references)}
@@ -162,7 +119,7 @@ class Signals:
         self.held[: self.count] = [not self._is_continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         self.rates[: self.count] = [self._rate_index(reference) for reference in references]
-        self.kinds = np.unique(units_of(parts, feeds, references), return_inverse=True)[1]
+        self.kinds = np.unique(simulation.units_of(references), return_inverse=True)[1]
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
         self.memory = Memory([self.ends, self.earlier, self.since])

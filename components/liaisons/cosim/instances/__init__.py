@@ -9,8 +9,6 @@ from pathlib import Path
 from liaisons.base.archive import Archive
 from liaisons.base.published import registered
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances.fmi2 import CoSimulation2
-from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
 
@@ -51,7 +49,11 @@ def make_instance(
             (make_model_exchange,) = registered("liaisons.model_exchange")
             return make_model_exchange(name, fmu, directory)
         if fmu.version == 2:
+            from liaisons.cosim.instances.fmi2 import CoSimulation2
+
             return CoSimulation2(name, fmu, directory)
+        from liaisons.cosim.instances.fmi3 import CoSimulation3
+
         return CoSimulation3(name, fmu, directory, requests_intermediate_update=requests_intermediate_update)
 
     if not isolated:

@@ -1,25 +1,12 @@
-"""Coupling errors of mechanisms with contacts, which reach the motion through impacts only.
-
-Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, with
-the speed w.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine,
-Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004)::
-
-    x⁺ = -e x + (1 + e) d,    v⁺ = -e v + (1 + e) (d' - a (x - d)/w),    |a (x - d)/w| <= √(2|a (x - d)|)
-
-the bound being that of impacts that graze, or are missed.  Variances of what the steps add are added up.
-"""
+"""Contacts and dry friction of FMUs: their variables, and impulses that do not go through connections."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, final
+from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.base.hermite import upper_coefficients
 from liaisons.base.port_names import impulse_name
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.messages import logger
@@ -28,36 +15,8 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 
-_PEAK = 2.2
-"""Largest value of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
-_SLOPE = 7.5
-"""Largest slope of the same remainder, relative to its mean."""
-_DIVERGED = 1e100
-"""Distance or rate above which every error is the largest one, and squares would overflow."""
-_TOUCHING = 1e-12
-"""Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
 _LEAST_IMPULSE = 1e-8
 """Smallest impulse that counts, relative to a force times the time in which it acts."""
-_UNSURE = 16.0, 16.0, 6.0
-"""Error of a distance inside a step, in units of that of the inputs, by none, one and both of the points beside it."""
-_NARROWINGS = 3
-"""How often the interval in which a polynomial is least is narrowed to an eighth: to 1e-5 of a step."""
-_DEVIATIONS = 2
-"""Number of standard deviations in an error."""
-
-
-@final
-@dataclass(frozen=True)
-class ContactMechanism:
-    """An FMU with contacts, by columns of the bus.
-
-    :param contacts: distance, its rate, whether it is closed, and how many impacts there were, of each.
-    :param inputs: those that follow something within a step.
-    """
-
-    name: str
-    contacts: Indices
-    inputs: frozenset[int]
 
 
 class ContactVariables(NamedTuple):
@@ -119,217 +78,6 @@ def friction_variables(part: SystemComponent) -> list[FrictionVariables]:
         for pair in pairs
         if all(name in variables for name in pair)
     ]
-
-
-class UnresolvedContact(NamedTuple):
-    """A step in which a distance comes nearer to 0 than it is known: its end [s] and size [s], distance, and error.
-
-    :param contact: number of the contact.
-    """
-
-    contact: int
-    time: float
-    size: float
-    least: float
-    error: float
-
-    def warn(self, contact: str, unit: str, connection: str, power: int) -> None:
-        """Warn that a contact may have been missed, with the step size that would show it.
-
-        :param power: of the step size in the error.
-        """
-        logger.warning(
-            "%s: it comes as near as %.2g %s before t = %.6g s, but is known to %.2g %s there, as %s is handed over by "
-            "steps of %.3g s: a contact may be missed, or one too many; a step_size of %.1g s would tell",
-            contact,
-            max(self.least, 0.0),
-            unit,
-            self.time,
-            self.error,
-            unit,
-            connection,
-            self.size,
-            rounded_down(self.sufficient_size(power)),
-        )
-
-    def sufficient_size(self, power: int) -> float:
-        """A step size that would tell [s], or, of what is very near, one with which it is known better."""
-        return self.size * min((max(abs(self.least), self.error / 10) / (4 * self.error)) ** (1 / power), 0.5)
-
-    def divisions(self, power: int) -> Vector:
-        """Instants [s] that divide this step, and those beside it, by which its error is estimated, into such steps."""
-        first, last = self.time - 2 * self.size, self.time + self.size
-        return np.linspace(first, last, 1 + math.ceil((last - first) / self.sufficient_size(power)))
-
-
-def divisions_between(divisions: Sequence[Vector], times: Vector) -> Vector:
-    """Instants of divisions [s] that are clearly between communication points and each other, sorted."""
-    apart = [(float(t), (own[1] - own[0]) / 4) for own in divisions for t in own.tolist()]
-    found: list[float] = []
-    for instant, least in sorted(apart):
-        later = int(np.searchsorted(times, instant))
-        is_inside = 0 < later < len(times) and min(instant - times[later - 1], times[later] - instant) > least
-        if is_inside and (not found or instant - found[-1] > least):
-            found.append(instant)
-    return np.array(found)
-
-
-def rounded_down(size: float) -> float:
-    """A number > 0, rounded down to one digit."""
-    digit = 10.0 ** math.floor(math.log10(size))
-    return math.floor(size / digit) * digit
-
-
-def accumulated_errors(
-    mechanism: ContactMechanism,
-    rows: Vector,
-    times: Vector,
-    off: Vector,
-    added: Vector,
-    *,
-    crossing: NDArray[np.bool_],
-) -> tuple[Vector, list[UnresolvedContact]]:
-    """Error of a mechanism with contacts at each point, relative to its largest distance and rate, at most 1.
-
-    A distance that falls and rises within a step, without an impact, is held against its error there: the FMU knows
-    it up to what its inputs are off by, and up to what impacts have made of that until then.
-
-    :param rows: values of the bus, shape (points, width).
-    :param off: mean error of the inputs in the step that ends at a point, in units of distances.
-    :param added: error that the step adds to the motion otherwise, relative to its size.
-    :param crossing: which points are ends of tiny steps, in which impacts are not always counted.
-    :returns: shape (points,), and the steps in which a contact may not be seen, the least sure one first.
-    """
-    steps, errors = np.diff(times), np.zeros(len(times))
-    doubtful: list[UnresolvedContact] = []
-    gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
-    length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
-    if length < _TOUCHING * np.abs(rows[:, sorted(mechanism.inputs)]).max(initial=0.0):
-        return errors, []
-    if max(length, speed) > _DIVERGED:
-        errors[1:] = 1.0
-        return errors, []
-    tiny = crossing[1:]
-    turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
-    struck = (np.diff(impacts) != 0) | (tiny & turned)
-    released = np.any(np.diff(closed) != 0, axis=0)
-    accelerations = _accelerations(rates, steps, struck | tiny)
-    lowest = _lower_bounds(gaps, rates, accelerations, steps)
-    at_rest = np.all(closed != 0, axis=0)
-    dips, unsure = _dips(gaps, rates, times, ~struck & ~tiny & (closed[:, :-1] == 0) & (closed[:, 1:] == 0))
-    xx = xv = vv = 0.0
-    for k, H in enumerate(steps.tolist()):
-        d, d_dot = _PEAK * off[k + 1], _SLOPE * off[k + 1] / H
-        xx += H * (2 * xv + H * vv) + (added[k + 1] * length) ** 2
-        xv += H * vv
-        vv += (added[k + 1] * speed) ** 2
-        if released[k]:
-            vv += d_dot**2
-        for c in range(len(gaps)):
-            a, reach = accelerations[c, k], math.sqrt(xx) + d
-            if struck[c, k]:
-                e, w = _restitution_and_speed(gaps[c, k], rates[c, k : k + 2], a * H, a)
-                b = math.copysign(min(abs(a) / w, math.sqrt(2 * abs(a) / reach)), a) * (1 + e) if reach else 0.0
-                xx, xv, vv = (
-                    e**2 * xx + ((1 + e) * d) ** 2,
-                    e**2 * xv + e * b * xx,
-                    e**2 * vv + 2 * e * b * xv + b**2 * xx + ((1 + e) * d_dot + abs(b) * d) ** 2,
-                )
-            elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
-                vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
-            error, least = unsure[c, k] * reach, dips[c, k]
-            if least < error:
-                doubtful.append(UnresolvedContact(c, times[k + 1], H, least, error))
-        xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
-        xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
-        errors[k + 1] = min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
-        if at_rest[k + 1]:
-            xx = xv = vv = 0.0
-    return errors, sorted(doubtful, key=lambda one: one.least - one.error)
-
-
-def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
-    """Mean acceleration of each distance in each step; of a step with an impact, from the steps beside it."""
-    accelerations = np.diff(rates) / steps
-    for row, hit in zip(accelerations, struck, strict=True):
-        free = np.flatnonzero(~hit)
-        if len(free):
-            row[hit] = np.interp(np.flatnonzero(hit), free, row[free])
-    return accelerations
-
-
-def _lower_bounds(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
-    """Lower bound of the distance within each step, by the cubic through its ends; infinite where it is monotonic."""
-    x = np.linspace(0, 1, 17)[:, None, None]
-    g, v = begin = gaps[:, :-1], rates[:, :-1]
-    c_2, c_3 = upper_coefficients(begin, (gaps[:, 1:], rates[:, 1:]), steps)
-    cubic = g + x * v * steps + x**2 * c_2 + x**3 * c_3
-    bend = np.abs(np.diff(accelerations, prepend=accelerations[:, :1]))
-    slack = bend * steps / 8
-    leaving = (accelerations > 0) & (np.append(accelerations[:, :1], accelerations[:, :-1], axis=1) > 0)
-    falls_and_rises = (rates[:, :-1] < np.where(leaving, 0.0, slack)) & (rates[:, 1:] > -slack)
-    return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
-
-
-def _dips(gaps: Vector, rates: Vector, times: Vector, watched: NDArray[np.bool_]) -> tuple[Vector, Vector]:
-    """Least distance inside each step, infinite where it is that of an end, and how unsure it is.
-
-    It is that of the polynomial through ends of steps and the points beside them; its error is told in units of that
-    of the inputs, which follow quintics through the ends.
-
-    :param watched: steps without impacts, whose distances are looked at.
-    """
-    least, unsure, steps = np.full(watched.shape, math.inf), np.zeros(watched.shape), np.diff(times)
-    fastest = np.maximum(np.abs(rates[:, :-1]), np.abs(rates[:, 1:]))
-    fastest = np.maximum.reduce([fastest, np.roll(fastest, 1, axis=1), np.roll(fastest, -1, axis=1)])
-    near = watched & (np.minimum(gaps[:, :-1], gaps[:, 1:]) < steps * fastest)
-    before, after = np.zeros((2, *watched.shape), dtype=bool)
-    before[:, 1:], after[:, :-1] = watched[:, :-1], watched[:, 1:]
-    theta, theta_around = np.linspace(0, 1, 65)[:, None], np.linspace(-1, 1, 17)[:, None]
-    for left, right in ((False, False), (True, False), (False, True), (True, True)):
-        contact, step = np.nonzero(near & (before == left) & (after == right))
-        points = step + np.repeat(np.arange(-left, 2 + right), 2)[:, None]
-        x = (times[points] - times[step]) / steps[step]
-        table, slopes, coefficients = gaps[contact, points], rates[contact, points] * steps[step], list[Vector]()
-        for order in range(1, len(points) + 1):
-            coefficients.append(table[0])
-            spans = x[order:] - x[:-order]
-            quotients = np.diff(table, axis=0) / np.where(spans > 0, spans, 1.0)
-            table = np.where(spans > 0, quotients, slopes[: len(spans)])
-        value = _newton_polynomials(coefficients, x, theta)
-        lowest = value.argmin(axis=0) if len(step) else step
-        inside = (lowest > 0) & (lowest < len(theta) - 1)
-        at, width = theta[lowest, 0], float(theta[1, 0])
-        for _ in range(_NARROWINGS if len(step) else 0):
-            around = at + width * theta_around
-            at = np.take_along_axis(around, _newton_polynomials(coefficients, x, around).argmin(axis=0)[None], axis=0)[
-                0
-            ]
-            width *= float(theta_around[1, 0] - theta_around[0, 0])
-        narrow = _newton_polynomials(coefficients, x, at[None])[0]
-        least[contact, step] = np.where(inside, narrow, math.inf)
-        unsure[contact, step] = _UNSURE[left + right]
-    return least, unsure
-
-
-def _newton_polynomials(coefficients: Sequence[Vector], nodes: Vector, theta: Vector) -> Vector:
-    """Polynomials in Newton's form, one a column, at some arguments."""
-    value = np.zeros(np.broadcast_shapes(theta.shape, coefficients[0].shape))
-    for node, coefficient in zip(nodes[::-1], coefficients[::-1], strict=True):
-        value = value * (theta - node) + coefficient
-    return value
-
-
-def _restitution_and_speed(gap: float, rates: Vector, change: float, acceleration: float) -> tuple[float, float]:
-    """Coefficient of restitution and speed of an impact.
-
-    :param gap: distance before it; ``rates`` before and after; ``change`` of the rate by the acceleration.
-    """
-    jump, w = rates[1] - rates[0] - change, math.sqrt(max(rates[0] ** 2 - 2 * acceleration * gap, 0.0))
-    if jump <= 0:
-        return 1.0, max(w, 1e-300)
-    w = min(max(w, jump / 2), jump)
-    return jump / w - 1, w
 
 
 class MissingImpulses(NamedTuple):

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, Protocol, final
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.base.published import registered
@@ -19,7 +21,6 @@ from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import Explicit, MasterAlgorithm
-from liaisons.cosim.coupling.signals import Signals, connected_port_outputs
 from liaisons.cosim.instances.protocol import Instance, Loaded
 from liaisons.cosim.running.breaks import Deviations
 from liaisons.cosim.running.loop import Loop
@@ -31,6 +32,9 @@ from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 from liaisons.errors import RefusedError, SimulationError, suggestion
+
+if TYPE_CHECKING:
+    from liaisons.cosim.coupling.signals import Signals
 
 _FEW_POINTS = 1024
 """Points for which there is room at first in a run without an end."""
@@ -70,6 +74,50 @@ class Impulses(Protocol):
         ...
 
 
+class CouplingEstimate(Remembering, Protocol):
+    """Estimate of the error that each step adds, from the recorded points.
+
+    :param rows: values of the bus, shape (points, width); ``times`` their instants [s].
+    """
+
+    @property
+    def initial_calls(self) -> Sequence[Call]:
+        """Calls that calculate derivatives at the start, once all FMUs are initialized."""
+        ...
+
+    def reset(self) -> None:
+        """Forget all steps."""
+        ...
+
+    def estimate(self, rows: Vector, times: Vector, crossing: NDArray[np.bool_]) -> Vector:
+        """The error that each step adds, shape (points,); ``crossing`` are the ends of tiny steps to breaks."""
+        ...
+
+    def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:
+        """Errors that the last ``count`` steps add, before the steps after them are made."""
+        ...
+
+    def divisions_between(self, times: Sequence[float]) -> Vector:
+        """Instants between communication points [s] that divide steps in which a contact may not be seen, sorted."""
+        ...
+
+    def warn(self, known: Sequence[float], *, is_complete: bool) -> None:
+        """Warn of large errors, and of contacts that may have been missed.
+
+        :param known: errors between communication points, if steps were chosen by them.
+        :param is_complete: whether there are no errors beside, which nothing estimates.
+        """
+        ...
+
+
+def coupling_estimate(kernel: Kernel) -> CouplingEstimate | None:
+    """Estimate of the errors of a kernel's steps; None if nothing is connected, or no error can be estimated."""
+    if not kernel.simulation.feeds:
+        return None
+    (estimate,) = registered("liaisons.coupling_estimate")
+    return estimate(kernel)
+
+
 def impulses_through(simulation: Simulation) -> Impulses | None:
     """Impulses that go through connections; None if there are none, as in most simulations."""
     if not (simulation.iterates and simulation.impulses):
@@ -94,7 +142,8 @@ class Kernel:
     ) -> None:
         self.simulation, self.instances = simulation, instances
         parts, feeds = simulation.parts, simulation.feeds
-        also = connected_port_outputs(parts, feeds) if simulation.iterates else []
+        ports = (simulation.port_and_order(source)[0] for source in feeds.values() if simulation.iterates)
+        also = [reference for triple in ports for reference in triple]
         order = schedule.execution_order([SIGNALS, *parts], feeds)
         self.bus = bus = Bus(order, feeds, also, [*simulation.recorded.values(), *watched], simulation.conversions)
         self.algorithm: MasterAlgorithm = _algorithm(simulation)(simulation, instances, bus)
@@ -153,6 +202,12 @@ class Kernel:
         bus.perform(last)
         self.recorder.add(begin, bus.values, result_time=begin)
         self.timeline.find_next(begin)
+
+    @cached_property
+    def late_inputs(self) -> frozenset[VariableReference]:
+        """Connected inputs whose value at the end of a step is unknown before it."""
+        simulation = self.simulation
+        return frozenset(schedule.late_inputs(self.bus.order, simulation.feeds, simulation.coupling))
 
     @property
     def signals(self) -> Signals:

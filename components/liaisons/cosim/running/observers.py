@@ -7,7 +7,6 @@ from typing import final
 import numpy as np
 
 from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.coupling.signals import units_of
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import warn_of_non_finite_values
 from liaisons.cosim.running.contacts import (
@@ -18,13 +17,7 @@ from liaisons.cosim.running.contacts import (
     missing_impulses,
     warn_of_missing,
 )
-from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.input_reconstruction import (
-    contact_mechanisms,
-    input_reconstructions,
-    prepare_initial_gains,
-)
-from liaisons.cosim.running.kernel import Impulses, Kernel
+from liaisons.cosim.running.kernel import Impulses, Kernel, coupling_estimate
 from liaisons.cosim.running.real_time import RealTime
 from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure.simulation import Simulation
@@ -37,7 +30,8 @@ class Observers:
 
     :param impulses: those that go through connections.
     :ivar variables: what they read, recorded or not.
-    :ivar estimate: that of errors; ``watchdog`` that of constraints and energies; ``real_time`` the clock.
+    :ivar estimate: that of errors, if any can be estimated.
+    :ivar watchdog: that of constraints and energies; ``real_time`` the clock.
     """
 
     def __init__(self, simulation: Simulation, impulses: Impulses | None) -> None:
@@ -55,15 +49,8 @@ class Observers:
 
     def prepare(self, kernel: Kernel) -> None:
         """Prepare what they read on the bus."""
-        simulation, bus = kernel.simulation, kernel.bus
-        self.initial_gains = prepare_initial_gains(simulation, kernel.instances, bus)
-        self.watchdog.prepare(bus)
-        self.estimate = Estimate(
-            input_reconstructions(simulation, bus, kernel.deviations.columns),
-            bus.index,
-            units_of(simulation.parts, simulation.feeds, bus.index),
-            contact_mechanisms(simulation, bus),
-        )
+        self.estimate = coupling_estimate(kernel)
+        self.watchdog.prepare(kernel.bus)
 
     def recorded_result(self, kernel: Kernel) -> tuple[Result, list[MissingImpulses]]:
         """The result of all that was recorded so far, and the impulses that went missing in it."""
@@ -103,15 +90,13 @@ class Observers:
         :param recorded: what :meth:`recorded_result` has returned, if it is known.
         """
         result, lost = recorded or self.recorded_result(kernel)
-        recorder, known, worst = kernel.recorder, kernel.progress.errors, self.estimate.worst
+        recorder = kernel.recorder
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, lost)
         self.watchdog.warn(recorder.rows[: recorder.done], recorder.times[: recorder.done])
         self.real_time.warn(result.title)
-        if worst is not None and not lost:
-            worst.warn(float(np.nansum(known)) if known else self.estimate.total)
-        for contact, about in self.estimate.doubtful:
-            contact.warn(*about)
+        if self.estimate is not None:
+            self.estimate.warn(kernel.progress.errors, is_complete=not lost)
         return result
 
     def _errors_by_point(self, kernel: Kernel, in_result: Indices) -> Vector:
@@ -119,6 +104,8 @@ class Observers:
         if kernel.progress.errors:
             return np.array([0.0, *kernel.progress.errors])
         recorder, sums, points = kernel.recorder, np.zeros(len(in_result)), slice(kernel.recorder.done)
+        if self.estimate is None:
+            return sums
         self.estimate.reset()
         errors = self.estimate.estimate(recorder.rows[points], recorder.times[points], recorder.after_break[points])
         if len(in_result) > 1:

@@ -1,6 +1,6 @@
 """How far steps go: to the points of the user, as far as the error of each allows, or by equal parts between points.
 
-The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the points before it, and costs no step.
+The estimate (:mod:`liaisons.coupling_estimate`) compares a step with the points before it, and costs no step.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ import numpy as np
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.running.driving import NextSteps
-from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.kernel import Kernel
+from liaisons.cosim.running.kernel import CouplingEstimate, Kernel
 from liaisons.errors import RefusedError
 
 _PROGRESS_INTERVAL = 0.02
@@ -102,13 +101,14 @@ class Points:
 
 
 class _ByErrors:
-    """Steps that are kept if the estimate of their errors allows."""
+    """Steps that are kept if the estimate of their errors allows; without one all are."""
 
     repeats = True
 
-    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+    def __init__(self, kernel: Kernel, estimate: CouplingEstimate | None) -> None:
         self._kernel, self._estimate = kernel, estimate
-        estimate.reset()
+        if estimate is not None:
+            estimate.reset()
         self._begin_piece()
 
     def _begin_piece(self) -> None:
@@ -136,7 +136,8 @@ class _ByErrors:
         last = slice(recorder.done - count, recorder.done)
         times = np.concatenate([self._times, recorder.times[last]])
         rows = np.concatenate([self._rows, recorder.rows[last]])
-        return float(np.sum(self._estimate.estimate_last(rows, times, count))), times, rows
+        errors = 0.0 if self._estimate is None else self._estimate.estimate_last(rows, times, count)
+        return float(np.sum(errors)), times, rows
 
     def _keep(self, times: Vector, rows: Vector) -> None:
         self._times, self._rows = times[-_MEMORY:], rows[-_MEMORY:]
@@ -150,7 +151,7 @@ class _ByErrors:
 class EachStep(_ByErrors):
     """Steps of a size that keeps the error of each below the tolerance."""
 
-    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+    def __init__(self, kernel: Kernel, estimate: CouplingEstimate | None) -> None:
         super().__init__(kernel, estimate)
         start, first, self._end = kernel.simulation.times
         self._size, self._whole = min(first - start, self._end - start), self._end - start
@@ -164,7 +165,7 @@ class EachStep(_ByErrors):
             return None
         self._target = end if end - now <= size * (1 + 1e-9) else now + size
         ends = self._end_before_break(self._target, size)
-        count = 2 if len(self._times) == 1 and self._estimate.can_estimate else 1
+        count = 2 if len(self._times) == 1 and self._estimate is not None else 1
         return NextSteps(self._parts(ends[0], count) if ends else ends, end)
 
     def crossed(self, at_target: bool) -> None:  # noqa: ARG002 - each break is in the result
@@ -207,7 +208,7 @@ class EachStep(_ByErrors):
 class EqualParts(_ByErrors):
     """Equal steps between communication points, as many as keep the sum of their errors below the tolerance."""
 
-    def __init__(self, kernel: Kernel, estimate: Estimate) -> None:
+    def __init__(self, kernel: Kernel, estimate: CouplingEstimate | None) -> None:
         super().__init__(kernel, estimate)
         self._count, self._error = _FIRST, 0.0  # number of steps, and their error since the last point
 

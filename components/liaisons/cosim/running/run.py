@@ -22,7 +22,6 @@ from liaisons.base.progress import progress_bar
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.messages import add_warnings, logger
-from liaisons.cosim.running.contacts import divisions_between
 from liaisons.cosim.running.driving import drive
 from liaisons.cosim.running.kernel import Kernel, fmpy_instance, impulses_through
 from liaisons.cosim.running.moment import Moment, check_goes_back, state_calls
@@ -71,8 +70,8 @@ class Run:
             observers.prepare(kernel)
             self._variables = RunVariables(simulation, instances, kernel.bus)
             self._happening = None if impulses is None else impulses.happening(kernel)
-            owners = [observers.estimate, self._variables, *filter(None, [self._happening])]
-            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate.can_estimate)
+            owners = [self._variables, *filter(None, [observers.estimate, self._happening])]
+            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate is not None)
             self._chooses_steps = simulation.adapts or simulation.error_tolerance is not None
             self._is_watched = bool(kernel.deviations or self._happening)  # something may come between points
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
@@ -108,8 +107,9 @@ class Run:
         :param parts: the same with other start values.
         :raises SimulationError: if an FMU refuses something.
         """
-        kernel, self._lost = self._kernel, True
-        kernel.start(parts or kernel.simulation.parts, self._restores, self._observers.initial_gains, self._happening)
+        kernel, estimate, self._lost = self._kernel, self._observers.estimate, True
+        last = () if estimate is None else estimate.initial_calls
+        kernel.start(parts or kernel.simulation.parts, self._restores, last, self._happening)
         if self._happening is not None:
             self._happening.start()
         self._observers.real_time.reset()
@@ -325,8 +325,7 @@ class Run:
         kernel.recorder.hide(hidden)
         recorded = self._observers.recorded_result(kernel)
         divides = kernel.timeline.divides and not self._chooses_steps and math.isfinite(times[-1])
-        divides = divides and bool(estimate.divisions)  # none in most runs, whose points are not copied
-        more = divisions_between(estimate.divisions, np.array(times)) if divides else np.empty(0)
+        more = estimate.divisions_between(times) if divides and estimate is not None else np.empty(0)
         if more.size and len(hidden) + len(more) <= _MOST_DIVISIONS * len(times):
             return more
         return self._observers.conclude(kernel, recorded)

@@ -29,11 +29,11 @@ from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extract_fmus
 from liaisons.cosim.structure import checks
-from liaisons.cosim.structure.components import Components
+from liaisons.cosim.structure.components import Components, Port
 from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
-from liaisons.cosim.structure.sources import Drive, Function, drives
+from liaisons.cosim.structure.sources import SIGNALS, Drive, Function, drives
 from liaisons.errors import InvalidValueError
 
 _DEFAULT_TOLERANCE = 1e-8
@@ -181,6 +181,35 @@ class Simulation:
                 near[port.reference] = near.get(port.reference) or other.variable.unit
         own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
         return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
+
+    def port_and_order(self, source: VariableReference) -> tuple[list[VariableReference], int]:
+        """Value, rate and acceleration of the port of an output, and which derivative the output is.
+
+        A function of time that drives a whole port is a port, too.
+
+        :returns: without a port, the output alone and 0.
+        """
+        owner, variable = self._variable(source)
+        triple, order = Port(self.parts[owner], variable).motion_and_order()
+        ends = [end.reference for end in triple or ()]
+        if source[0] == SIGNALS:
+            sources = [self.feeds.get(end, ("?", "")) for end in ends]
+            ends = sources if all(name == SIGNALS for name, _ in sources) else []
+        return (ends, order) if ends else ([source], 0)
+
+    def units_of(self, references: Iterable[VariableReference]) -> list[str]:
+        """Unit of each variable; a variable that is no Real has one of its own."""
+        units: list[str] = []
+        for name, variable in map(self._variable, references):
+            scalar = self.parts[name].fmu.variables[variable]
+            units.append(scalar.unit if scalar.type == "Real" else f"{name}.{variable}")
+        return units
+
+    def _variable(self, reference: VariableReference) -> VariableReference:
+        """The variable itself; of a function of time the input that it drives."""
+        if reference[0] != SIGNALS:
+            return reference
+        return next(target for target, source in self.feeds.items() if source == reference)
 
     def depends(self, output: VariableReference, input_: VariableReference, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input of its component, in steps or, ``initially``, before them."""

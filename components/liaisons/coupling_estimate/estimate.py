@@ -18,20 +18,20 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.arrays import as_indices
+from liaisons.base.arrays import Floats, as_indices
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import (
+from liaisons.base.logs import logger
+from liaisons.cosim import Call, VariableReference
+from liaisons.coupling_estimate.contacts import (
     ContactMechanism,
     UnresolvedContact,
     accumulated_errors,
+    divisions_between,
     rounded_down,
 )
-from liaisons.cosim.structure.schedule import VariableReference
 
 Flags = NDArray[np.bool_]
-Integrals = tuple[Vector, Vector]
+Integrals = tuple[Floats, Floats]
 
 ALLOWED = 1e-4
 """Error of a step, relative to the size of the signal, above which there is a warning."""
@@ -129,11 +129,10 @@ class Estimate:
     :param columns: variable -> its column on the bus.
     :param units: unit of each column.
     :param mechanisms: those with contacts.
-    :ivar can_estimate: whether any error can be estimated.
-    :ivar worst: the largest error of a step; None if all are 0.  ``total`` is that of all steps.  Of both, angles are
-        relative to 1 rad at least, as what they move is off by that part of its distance.
-    :ivar doubtful: steps in which contacts are least sure to be seen, with what their warnings name; ``divisions`` are
-        instants [s] that divide all steps in which one may not be seen.
+    :param initial_calls: those that calculate derivatives at the start.
+    :ivar can_estimate: whether any error can be estimated; if none can, it must not be asked for any.
+    :ivar worst: the largest error of a step; None if all are 0.  Angles are relative to 1 rad at least, as what they
+        move is off by that part of its distance.
     """
 
     def __init__(
@@ -141,8 +140,10 @@ class Estimate:
         followed: Iterable[InputReconstruction],
         columns: Mapping[VariableReference, int],
         units: Sequence[str],
-        mechanisms: Sequence[ContactMechanism] = (),
+        mechanisms: Sequence[ContactMechanism],
+        initial_calls: Sequence[Call],
     ) -> None:
+        self.initial_calls = initial_calls
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
         for item in followed:
             alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
@@ -174,11 +175,12 @@ class Estimate:
         """Forget all steps."""
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
-        self.total = 0.0
-        self.doubtful: list[tuple[UnresolvedContact, tuple[str, str, str, int]]] = []
-        self.divisions: list[Vector] = []
+        self._total = 0.0  # error of all steps, relative to sizes as the worst
+        # steps in which contacts are least sure to be seen, with what their warnings name
+        self._doubtful: list[tuple[UnresolvedContact, tuple[str, str, str, int]]] = []
+        self._divisions: list[Floats] = []  # instants [s] that divide all steps in which one may not be seen
 
-    def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
+    def estimate(self, rows: Floats, times: Floats, crossing: Flags) -> Floats:
         """The error that each step adds, relative to the largest value of the signal's unit in the run.
 
         :param rows: values of the bus, shape (points, width).
@@ -186,8 +188,6 @@ class Estimate:
         :returns: shape (points,); 0 for the first of each piece, not a number for one whose only step has no neighbour.
         """
         errors = np.zeros(len(times))
-        if not self.can_estimate:
-            return errors
         peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[: len(self._kinds)]
         kinds = [self._kinds[self._targets[targets[0]]] for targets in self._of_kind]
         self._sizes = np.array([peaks[self._kinds == kind].max() for kind in kinds])
@@ -205,12 +205,12 @@ class Estimate:
             if np.any(both):
                 increase = self._magnify_by_impacts(watched, rows, times, *both, crossing=crossing)
                 errors, serious = np.fmax(errors, increase), np.fmax(serious, increase)
-        self.total = float(np.nansum(serious))
+        self._total = float(np.nansum(serious))
         return errors
 
     def _magnify_by_impacts(
-        self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector, *, crossing: Flags
-    ) -> Vector:
+        self, watched: _Watched, rows: Floats, times: Floats, off: Floats, added: Floats, *, crossing: Flags
+    ) -> Floats:
         """Errors that each step adds to a mechanism with contacts, magnified by its impacts; updates the worst."""
         steps = np.append(1.0, np.diff(times))
         shorter = np.fmin(1.0, steps[1:] / steps[:-1]), np.fmin(1.0, steps[:-1] / steps[1:])
@@ -227,17 +227,15 @@ class Estimate:
             power = item.step_size_power - 1
             for contact in doubtful[:1]:
                 column = int(watched.mechanism.contacts[contact.contact, 0])
-                self.doubtful.append((contact, (self._names[column], self._units[column], item.name, power)))
-            self.divisions += [contact.divisions(power) for contact in doubtful]
+                self._doubtful.append((contact, (self._names[column], self._units[column], item.name, power)))
+            self._divisions += [contact.divisions(power) for contact in doubtful]
         return increase
 
-    def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:
+    def estimate_last(self, rows: Floats, times: Floats, count: int) -> Floats:
         """Errors that the last steps add, before the steps after them are made.
 
         :param count: number of these steps.
         """
-        if not self.can_estimate:
-            return np.zeros(count)
         signals = np.ascontiguousarray(rows.T)
         errors = self._estimate_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool), ahead=True)
         for watched, off in zip(self._mechanisms, self._contacts[0], strict=True):
@@ -245,18 +243,33 @@ class Estimate:
             errors = np.fmax(errors, off[-count:] / (sizes or 1.0))
         return errors
 
-    def save(self) -> tuple[Vector, Worst | None]:
+    def divisions_between(self, times: Sequence[float]) -> Floats:
+        """Instants between communication points [s] that divide steps in which a contact may not be seen, sorted."""
+        return divisions_between(self._divisions, np.array(times)) if self._divisions else np.empty(0)
+
+    def warn(self, known: Sequence[float], *, is_complete: bool) -> None:
+        """Warn of large errors, and of contacts that may have been missed.
+
+        :param known: errors between communication points, if steps were chosen by them.
+        :param is_complete: whether there are no errors beside, which nothing estimates.
+        """
+        if self.worst is not None and is_complete:
+            self.worst.warn(float(np.nansum(known)) if known else self._total)
+        for contact, about in self._doubtful:
+            contact.warn(*about)
+
+    def save(self) -> tuple[Floats, Worst | None]:
         """The state for :meth:`restore`."""
         return self._sizes.copy(), self.worst
 
-    def restore(self, snapshot: tuple[Vector, Worst | None]) -> None:
+    def restore(self, snapshot: tuple[Floats, Worst | None]) -> None:
         """Restore a saved state; signals that were 0 until then keep their sizes."""
         sizes, self.worst = snapshot
         np.copyto(self._sizes, sizes, where=sizes > 0)
 
     def _estimate_block(
-        self, signals: Vector, times: Vector, first: int, crossing: Flags, *, ahead: bool = False
-    ) -> Vector:
+        self, signals: Floats, times: Floats, first: int, crossing: Flags, *, ahead: bool = False
+    ) -> Floats:
         """Errors of steps from the one that ends at the point ``first`` on; updates sizes of signals and the worst.
 
         :param signals: shape (width, points).
@@ -300,7 +313,7 @@ class Estimate:
         self._update_worst(serious[latest], times[latest + 1], self._targets[target], item, steps[latest])
         return errors[first - 1 :]
 
-    def _distance_per_input(self, watched: _Watched, k: int, signals: Vector) -> float:
+    def _distance_per_input(self, watched: _Watched, k: int, signals: Floats) -> float:
         """Change of a contact's distance by that of an input: 1; between different units, the ratio of their sizes."""
         pair = [self._followed[k].column, int(watched.mechanism.contacts[0, 0])]
         if self._kinds[pair[0]] == self._kinds[pair[1]]:
@@ -331,7 +344,7 @@ def _error_targets(k: int, item: InputReconstruction) -> Iterator[tuple[int, int
 
 
 def _error_integrals(
-    key: tuple[Shape, int, int], columns: Indices, signals: Vector, steps: Vector, crossing: Flags
+    key: tuple[Shape, int, int], columns: NDArray[np.intp], signals: Floats, steps: Floats, crossing: Flags
 ) -> Integrals:
     """∫ e and ∫ (t + H - τ) e over each step of the errors e of inputs, shape (inputs, steps) each."""
     shape, count, order = key
@@ -354,7 +367,7 @@ def _error_integrals(
     return -steps * change / 2, -(steps**2) * change / 3
 
 
-def _hermite_integrals(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
+def _hermite_integrals(data: Floats, steps: Floats, crossing: Flags) -> Integrals:
     """∫ e and ∫ (t + H - τ) e for Hermite polynomials, by the remainder at a point before or after the step."""
     m, many = len(data), len(steps)
     sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
@@ -382,7 +395,7 @@ def _hermite_integrals(data: Vector, steps: Vector, crossing: Flags) -> Integral
     return once, twice
 
 
-def _cubic_integrals(values: Vector, steps: Vector, crossing: Flags) -> Vector:
+def _cubic_integrals(values: Floats, steps: Floats, crossing: Flags) -> Floats:
     """∫ e for cubics through points, which cross no break."""
     once = np.zeros((len(values), len(steps)))
     for first, end in pairwise((-1, *np.flatnonzero(crossing), len(steps))):
@@ -391,7 +404,7 @@ def _cubic_integrals(values: Vector, steps: Vector, crossing: Flags) -> Vector:
     return once
 
 
-def _cubic_integrals_of_piece(values: Vector, steps: Vector) -> Vector:
+def _cubic_integrals_of_piece(values: Floats, steps: Floats) -> Floats:
     """∫ e for cubics through points of a smooth piece, by the remainder at one more point before the step."""
     differences = [values]
     for order in range(1, min(_POINTS_BEFORE, len(steps)) + 1):

@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import final
 
 import numpy as np
 
-from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import port_and_order
-from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
-from liaisons.cosim.running.estimate import InputReconstruction, Shape
-from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import Components, Port, SystemComponent
-from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.cosim import Call, Kernel, Port, Simulation, VariableReference, contact_variables
+from liaisons.coupling_estimate.contacts import ContactMechanism
+from liaisons.coupling_estimate.estimate import InputReconstruction, Shape
 
 
-def prepare_initial_gains(simulation: Simulation, instances: Instances, bus: Bus) -> list[Call]:
+def prepare_initial_gains(kernel: Kernel) -> list[Call]:
     """Prepare calls that calculate ∂(acceleration)/∂(input) at the start, where Newton's method does not."""
-    calls: list[Call] = []
+    simulation, bus, calls = kernel.simulation, kernel.bus, list[Call]()
     solved_inputs = {input_ for _, input_ in bus.gain_columns}
     for name, part in simulation.parts.items():
         fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
         if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
             continue
-        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _rate_and_value(part, p[1]) is not None]
+        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _rate_and_value(Port(part, p[1])) is not None]
         variables = part.fmu.variables
         for input_ in fed:
             rows = [p for p in moving if simulation.depends(p, input_)]
             if rows:
                 column = bus.add_gains(rows, input_)
                 unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
-                calls.append(instances[name].directional_derivatives(unknowns, known, np.ones(1), column))
+                calls.append(kernel.instances[name].directional_derivatives(unknowns, known, np.ones(1), column))
     return calls
 
 
-def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
+def contact_mechanisms(kernel: Kernel) -> list[ContactMechanism]:
     """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
-    mechanisms: list[ContactMechanism] = []
-    for name, part in simulation.parts.items():
+    bus, mechanisms = kernel.bus, list[ContactMechanism]()
+    for name, part in kernel.simulation.parts.items():
         index, contacts = bus.index, contact_variables(part)
         if contacts and bus.inputs[name]:
             columns = np.array([bus.columns(contact) for contact in contacts])
@@ -53,22 +44,15 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
     return mechanisms
 
 
-def input_reconstructions(
-    simulation: Simulation,
-    bus: Bus,
-    deviations: Mapping[VariableReference, tuple[int, int]],
-) -> list[InputReconstruction]:
-    """Polynomials that connected inputs follow within a step; none for an input without an effect.
-
-    :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
-        numbers the function returns.
-    """
-    parts, effects = simulation.parts, _effect_columns(simulation.parts, bus)
-    table = _PolynomialTable(simulation, bus, deviations)
+def input_reconstructions(kernel: Kernel) -> list[InputReconstruction]:
+    """Polynomials that connected inputs follow within a step; none for an input without an effect."""
+    simulation, bus, effects, table = kernel.simulation, kernel.bus, _effect_columns(kernel), _PolynomialTable(kernel)
+    parts = simulation.parts
     reconstructions: list[InputReconstruction] = []
     for target, source in simulation.feeds.items():
         part = parts[target[0]]
-        owner, variable = target if source[0] == SIGNALS else source
+        is_function = source[0] not in parts
+        owner, variable = target if is_function else source
         signal = parts[owner].fmu.variables[variable]
         is_rate = Port(part, target[1]).motion_and_order()[1] > 0
         moves_nothing = is_rate and target not in effects and part.fmu.provides_directional_derivatives
@@ -77,7 +61,7 @@ def input_reconstructions(
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
             answers = tuple(bus.index[output] for output in bus.outputs(target[0]))
-            origin = "a function of time" if source[0] == SIGNALS else ".".join(source)
+            origin = "a function of time" if is_function else ".".join(source)
             name, own_effects = f"{origin} -> {'.'.join(target)}", tuple(effects.get(target, ()))
             reconstructions.append(
                 InputReconstruction(name, bus.index[target], tuple(data), order, shape, own_effects, answers)
@@ -104,20 +88,18 @@ class _PolynomialTable:
     ============================================  =========================================
     """
 
-    simulation: Simulation
-    bus: Bus
-    deviations: Mapping[VariableReference, tuple[int, int]]
+    kernel: Kernel
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation."""
+        return self.kernel.simulation
 
     @cached_property
     def columns(self) -> dict[VariableReference, int]:
         """Column of each output on the bus; of a function of time, that of the input that it drives."""
-        index, feeds = self.bus.index, self.simulation.feeds.items()
-        return {**index, **{source: index[target] for target, source in feeds if source[0] == SIGNALS}}
-
-    @cached_property
-    def late_inputs(self) -> set[VariableReference]:
-        """Inputs whose value at the end of a step is unknown before it."""
-        return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
+        index, parts, feeds = self.kernel.bus.index, self.simulation.parts, self.simulation.feeds.items()
+        return {**index, **{source: index[target] for target, source in feeds if source[0] not in parts}}
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
         """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
@@ -131,9 +113,9 @@ class _PolynomialTable:
             return "hermite", [own], 0
         if approximation.interface == "mean value":
             return "mean", [own], 0
-        references, order = port_and_order(simulation.parts, simulation.feeds, source)
+        references, order = simulation.port_and_order(source)
         port = [self.columns[reference] for reference in references if reference in self.columns]
-        integral, numbers = self.deviations.get(target, (0, 0))
+        integral, numbers = self.kernel.deviations.columns.get(target, (0, 0))
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
         if len(port) == len(references) > 2 and approximation.method is not None:
             return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
@@ -144,9 +126,9 @@ class _PolynomialTable:
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
         part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
         method, (triple, order) = part.approximation.method, Port(part, target[1]).motion_and_order()
-        if method is None and target not in self.late_inputs:
+        if method is None and target not in self.kernel.late_inputs:
             return "newest", [own], 0
-        port = [self.bus.index[feeds[end.reference]] for end in triple or () if end.reference in feeds]
+        port = [self.kernel.bus.index[feeds[end.reference]] for end in triple or () if end.reference in feeds]
         return ("taylor", port, order) if method == 1 and len(port) == 3 else ("taylor", [own], 0)
 
     def _polynomial_without_port(
@@ -154,8 +136,9 @@ class _PolynomialTable:
     ) -> tuple[Shape, list[int], int]:
         simulation = self.simulation
         if simulation.parts[target[0]].approximation.follows_polynomials:
-            if source in self.bus.slope_columns:
-                return "hermite", [own, self.bus.slope_columns[source]], 0
+            slopes = self.kernel.bus.slope_columns
+            if source in slopes:
+                return "hermite", [own, slopes[source]], 0
             number = simulation.group_number
             is_solved_with_source = number.get(source[0]) == number[target[0]]
             if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
@@ -163,20 +146,20 @@ class _PolynomialTable:
         return "hermite", [own], 0
 
 
-def _effect_columns(parts: Components, bus: Bus) -> dict[VariableReference, list[tuple[int, int, int]]]:
+def _effect_columns(kernel: Kernel) -> dict[VariableReference, list[tuple[int, int, int]]]:
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
-    effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
+    bus, effects = kernel.bus, dict[VariableReference, list[tuple[int, int, int]]]()
     for (output, input_), column in bus.gain_columns.items():
-        ports = _rate_and_value(parts[output[0]], output[1])
+        ports = _rate_and_value(Port(kernel.simulation.parts[output[0]], output[1]))
         if ports is not None:
             rate, value = (bus.index.get(port.reference, -1) for port in ports)
             effects.setdefault(input_, []).append((column, rate, value))
     return effects
 
 
-def _rate_and_value(part: SystemComponent, acceleration: str) -> tuple[Port, Port] | None:
+def _rate_and_value(acceleration: Port) -> tuple[Port, Port] | None:
     """Rate and value of the port of an acceleration; None for a variable that is no output acceleration."""
-    triple, order = Port(part, acceleration).motion_and_order()
-    if triple is None or order != 2 or part.fmu.variables[acceleration].causality != "output":
+    triple, order = acceleration.motion_and_order()
+    if triple is None or order != 2 or acceleration.variable.causality != "output":
         return None
     return triple[1], triple[0]
