@@ -165,6 +165,7 @@ def tabulated(
     accelerations: ArrayLike | None = None,
     *,
     join: Join = "quintic",
+    smoothing: float | None = None,
 ) -> OperatorFmu:
     """Operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
 
@@ -174,11 +175,13 @@ def tabulated(
     :param times: [s], ascending, shape (n,), n >= 2.
     :param join: ``"quintic"``: a spline with smooth acceleration, which overshoots beside steps; ``"pchip"``: cubics
         that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
-    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
+    :param smoothing: distance [s] between the knots of the quintic splines that fit noisy values best; None: the curve
+        passes through all values.
+    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend, or too few to be smoothed.
     """
     from liaisons.base.knots import knots
 
-    table, fmu = knots(times, values, rates, accelerations, join), fmu_file("PlannedMotion")
+    table, fmu = knots(times, values, rates, accelerations, join, smoothing=smoothing), fmu_file("PlannedMotion")
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
         return OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import fmpy.util
 import numpy as np
@@ -163,15 +163,29 @@ PROPERTIES = [
     Property(
         "an empty cell",
         PLAIN.replace("1.25", ""),
-        "column length: line 3: a value is missing",
-        {"result": (TIMES, [1.0, NAN, 1.125])},
-        "of what is measured, `identify` does without",
+        "",
+        {
+            "--input": (TIMES, [1.0, NAN, 1.125]),
+            "identify": (TIMES, [1.0, 1.0625, 1.125]),
+            "result": (TIMES, [1.0, NAN, 1.125]),
+        },
+        "of what is measured, `identify` does without; what drives passes over it, and this is said",
     ),
     Property(
         "`NaN`, `NA`, `null`",
         PLAIN.replace("1.25", "NA"),
-        "column length: line 3: a value is missing",
-        {"result": (TIMES, [1.0, NAN, 1.125])},
+        "",
+        {
+            "--input": (TIMES, [1.0, NAN, 1.125]),
+            "identify": (TIMES, [1.0, 1.0625, 1.125]),
+            "result": (TIMES, [1.0, NAN, 1.125]),
+        },
+    ),
+    Property(
+        "an empty cell in the last line",
+        PLAIN.replace("1.125", ""),
+        "column length: line 4: a value is missing at an end or a jump",
+        {"result": (TIMES, [1.0, 1.25, NAN])},
     ),
     Property("an instant that is missing", PLAIN.replace("\n0.5", "\n"), "column time: line 3: a value is missing"),
     Property(
@@ -289,6 +303,43 @@ def _page() -> str:
 
 def test_the_page_says_what_is_tried() -> None:
     assert PAGE.read_text(encoding="utf-8") == _page()
+
+
+@pytest.mark.parametrize("row", [3, 20, 56])
+def test_a_single_wrong_value_is_told(row: int, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    t = np.cumsum(np.random.default_rng(row).uniform(0.01, 0.03, 60))
+    length = 1 + 0.1 * np.sin(3 * t) + 1e-5 * np.random.default_rng(row).standard_normal(t.size)
+    length[row] += 0.05
+    _by_input(_written(tmp_path, t, length))
+    assert (
+        f"column length: line {row + 2}: {length[row]:.6g} lies far off the curve through its neighbours" in caplog.text
+    )
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda t: 1 + 0.2 * (t > 0.5),
+        lambda t: 1 + 0.2 * np.abs(t - 0.5),
+        lambda t: 1 + 0.2 * np.clip(t - 0.5, 0, 0.1),
+        lambda t: 1 + 1e-4 * np.random.default_rng(1).standard_normal(t.size),
+        lambda t: 1 + 0.1 * np.sin(40 * t),
+        np.ones_like,
+    ],
+)
+def test_steps_kinks_and_noise_are_not_taken_for_wrong_values(
+    shape: Callable[[Any], Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    t = np.linspace(0, 1, 101)
+    _by_input(_written(tmp_path, t, shape(t)))
+    assert "lies far off" not in caplog.text
+
+
+def _written(folder: Path, times: Any, lengths: Any) -> Path:
+    """Path of a table."""
+    lines = [f"{time!r},{length!r}" for time, length in zip(times.tolist(), lengths.tolist(), strict=True)]
+    (folder / "length.csv").write_text("\n".join(["time,length", *lines]))
+    return folder / "length.csv"
 
 
 def test_what_a_command_writes_the_others_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.arguments import float_array, shown
+from liaisons.base.arguments import check_positive, float_array, shown
 from liaisons.base.hermite import upper_coefficients
 from liaisons.errors import SimulationError, suggestion
 
@@ -26,6 +26,8 @@ def knots(
     rates: ArrayLike | None = None,
     accelerations: ArrayLike | None = None,
     join: Join = "quintic",
+    *,
+    smoothing: float | None = None,
 ) -> NDArray[np.float64]:
     """Table of knots of a motion: rows t, σ, σ̇, σ̈, a column a knot; shape (4, n).
 
@@ -33,7 +35,7 @@ def knots(
 
     :param times: [s], ascending, shape (n,), n >= 2; an instant that is there twice is a jump, unless both knots
         agree to :data:`ROUNDING`.
-    :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
+    :raises SimulationError: if these are no numbers, of unequal count, or not ascending, or too few to be smoothed.
     """
     columns = {
         name: _checked_column(name, column)
@@ -51,21 +53,34 @@ def knots(
         raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
     if steps[-1] == 0 and columns["values"][-1] != columns["values"][-2]:
         raise SimulationError(f"times: a jump at {t[-1]:g} s, after which nothing follows; leave it out, or go on")
-    if join not in get_args(Join):
-        raise SimulationError(f"join = {join!r}{suggestion(join, get_args(Join))}")
-    if join != "quintic" and len(columns) > 2:
-        raise SimulationError(f"join = {join!r} is for a table without rates, which follow from it; leave them out")
+    _check_curve(join, smoothing, rates=len(columns) > 2)
     parts = []
     for part in np.split(np.arange(t.size), np.flatnonzero(steps == 0) + 1):
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
         smooth = join == "quintic" or part.size == 1
         own = t[part], columns["values"][part]
-        parts.append(_spline_knots(*own, *beside) if smooth else _piecewise_knots(*own, join))
+        if smoothing and part.size > 1:
+            parts.append(_smoothed_knots(*own, smoothing))
+        else:
+            parts.append(_spline_knots(*own, *beside) if smooth else _piecewise_knots(*own, join))
     table = np.concatenate(parts, axis=1)
     jumps = np.flatnonzero(np.diff(table[0]) == 0) + 1
     agree = _agree_with_previous(table, jumps)
     table[1:, jumps] = np.where(agree, table[1:, jumps - 1], table[1:, jumps])
     return np.delete(table, jumps[agree.all(axis=0)], axis=1)
+
+
+def _check_curve(join: str, smoothing: float | None, *, rates: bool) -> None:
+    """Raise a SimulationError for a curve that there is not, or that contradicts a table with rates."""
+    if join not in get_args(Join):
+        raise SimulationError(f"join = {join!r}{suggestion(join, get_args(Join))}")
+    if smoothing is not None:
+        check_positive("smoothing", smoothing, SimulationError)
+        if join != "quintic":
+            raise SimulationError(f"smoothing fits quintic splines; leave join = {join!r} out, or smoothing")
+    if rates and (smoothing or join != "quintic"):
+        setting = f"smoothing = {smoothing:g} s" if smoothing else f"join = {join!r}"
+        raise SimulationError(f"{setting} is for a table without rates, which follow from it; leave them out")
 
 
 def _agree_with_previous(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -98,6 +113,25 @@ def _spline_knots(
     if accelerations is None:
         accelerations = derivative(values, 2) if rates is None else derivative(rates, 1)
     return np.array([times, values, derivative(values, 1) if rates is None else rates, accelerations])
+
+
+def _smoothed_knots(times: NDArray, values: NDArray, distance: float) -> NDArray[np.float64]:
+    """Knots of the quintic spline with equidistant knots that fits values best, shape (4, knots).
+
+    :param distance: of two knots [s].
+    :raises SimulationError: if a piece of the spline has too few values.
+    """
+    from scipy.interpolate import make_lsq_spline  # slow to load
+
+    edges = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / distance)))
+    required = 6 if edges.size == 2 else 2  # a single quintic has six coefficients
+    too_few = np.histogram(times, edges)[0] < required
+    if too_few.any():
+        begin = edges[too_few.argmax()]
+        words = f"smoothing = {distance:g} s leaves less than {required} values after t = {begin:g} s; widen it"
+        raise SimulationError(words)
+    spline = make_lsq_spline(times, values, np.pad(edges, 5, mode="edge"), 5)
+    return np.array([edges, *(spline(edges, order) for order in range(3))])
 
 
 def _piecewise_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arrays import Floats
+from liaisons.base.logs import logger
 from liaisons.base.units import is_unit, size_in_si
 from liaisons.errors import LiaisonsError
 
@@ -120,6 +121,28 @@ class Table:
         if wrong.any():
             raise self._error(name, f"{self.rows[int(wrong.argmax())]}: {words}")
 
+    def check_curve(self, name: str, times: Floats, numbers: Floats) -> None:
+        """Log what a curve through a column passes over: missing values, and whether a value is an outlier.
+
+        :raises LiaisonsError: the class ``error``, if a value is missing at an end or at a jump.
+        """
+        missing, jump = np.isnan(numbers), np.diff(times, prepend=np.nan, append=np.nan) == 0
+        needed = jump[1:] | jump[:-1]
+        needed[[0, -1]] = True
+        self.refuse_rows(name, missing & needed, "a value is missing at an end or a jump, which no curve can pass over")
+        if missing.any():
+            first, widest = self.rows[int(missing.argmax())], float(np.max(np.diff(times[~missing])))
+            words = "%s: column %s: %d of %d values are missing, the first in %s; a curve passes over gaps of %.4g s"
+            logger.warning(words, self.title, name, missing.sum(), missing.size, first, widest)
+        self.warn_of_outlier(name, times, numbers)
+
+    def warn_of_outlier(self, name: str, times: Floats, numbers: Floats) -> None:
+        """Log the first value that lies far from the curve through its neighbours."""
+        known = np.flatnonzero(np.isfinite(numbers))
+        for row in known[_outliers(times[known], numbers[known])][:1].tolist():
+            words = "%s: column %s: %s: %.6g lies far off the curve through its neighbours; if wrong, empty the cell"
+            logger.warning(words, self.title, name, self.rows[row], numbers[row])
+
     def _error(self, name: str, words: str) -> LiaisonsError:
         """Error about a column."""
         return self.error(f"{self.title}: column {name}: {words}")
@@ -143,6 +166,30 @@ class Table:
             return _CELLS[text.lower()] if text.lower() in _CELLS else float(text)
         except ValueError as problem:
             raise self._error(name, f"{row}: {problem}; give numbers, of time in one unit") from None
+
+
+def _outliers(times: Floats, values: Floats) -> list[int]:
+    """Indices of single values far from the cubic through two neighbours on both sides, which fit one another."""
+
+    def deviations(x: Floats) -> Floats:
+        """Value less cubic, from the third value to the last but two."""
+        return x[2:-2] - sum(w * x[2 + k : x.size - 2 + k] for k, w in weights.items())
+
+    if times.size < 12 or (np.diff(times) == 0).any():
+        return []
+    at = {k: times[2 + k : times.size - 2 + k] for k in (-2, -1, 0, 1, 2)}
+    weights = {
+        k: np.prod([(at[0] - at[j]) / (at[k] - at[j]) for j in (-2, -1, 1, 2) if j != k], axis=0)
+        for k in (-2, -1, 1, 2)
+    }
+    deviation = deviations(values)
+    outliers = []
+    for i in np.flatnonzero(np.abs(deviation) > 30 * np.median(np.abs(deviation)) + 1e-6 * np.ptp(values)).tolist():
+        repaired = values.copy()
+        repaired[i + 2] -= deviation[i]
+        if np.max(np.abs(deviations(repaired)[max(0, i - 2) : i + 3])) < 0.1 * abs(deviation[i]):
+            outliers.append(i + 2)
+    return outliers
 
 
 def read_table(path: Path, error: type[LiaisonsError], title: str = "") -> Table:

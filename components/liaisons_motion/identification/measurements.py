@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, final
 
 import numpy as np
-from scipy.interpolate import PPoly, make_lsq_spline
+from scipy.interpolate import PPoly
 
 from liaisons import Result
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
@@ -19,7 +19,7 @@ from liaisons.base.array_names import array_and_index
 from liaisons.base.knots import knots, piecewise_polynomial
 from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table
-from liaisons.errors import IdentificationError, LiaisonsError, suggestion
+from liaisons.errors import IdentificationError, LiaisonsError, SimulationError, suggestion
 from liaisons.mechanics import Model
 from liaisons_motion.identification.determinacy import Floats
 
@@ -112,6 +112,7 @@ def measurements(
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
                 _ask_about_degrees(table, name, values[name], units[name])
+                table.warn_of_outlier(name, times, values[name])
             inputs = dict(_driving_splines(flat, times, values, unknown, smoothing, table))
         columns_of_signals = np.array([values[name] for name in signals]).reshape(-1, len(times))
         experiments.append(Measurements(times, signals, columns_of_signals, inputs, table.title, own))
@@ -176,7 +177,7 @@ def _prefixed_errors(label: str) -> Iterator[None]:
     """Turn a ValueError of the context into an IdentificationError with a label before its message."""
     try:
         yield
-    except ValueError as error:
+    except (ValueError, SimulationError) as error:
         raise IdentificationError(f"{label}: {error}") from None
 
 
@@ -221,32 +222,19 @@ def _driving_splines(  # noqa: PLR0917
     rates = {triple.value: (triple.rate, triple.acceleration) for triple in model.active}
     owners = {rate: name for name, pair in rates.items() for rate in pair}
     for name, start in ((v.name, v.starts[0]) for v in model.inputs if v.name in values):
-        table.refuse_rows(name, np.isnan(values[name]), "a value is missing")
+        table.check_curve(name, times, values[name])
         with _prefixed_errors(f"column {name}"):
             if owners.get(name, name) not in values:
                 raise ValueError(f"{owners[name]} has no column; add it")
             triple = [values.get(part) for part in (name, *rates.get(name, ()))]
-            moves = any(column is not None and np.ptp(column) > 0 for column in triple)
+            moves = any(column is not None and np.nanmax(column) > np.nanmin(column) for column in triple)
             if moves and name in unknown:
                 raise ValueError("it moves, and is unknown; ignore it, or give it")
             if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
-                spline = _spline_knots(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
-                yield name, piecewise_polynomial(spline)
-
-
-def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
-    """Knots of the quintic spline that fits values best: times, values, rates, accelerations; shape (4, knots).
-
-    :param width: distance of the knots [s].
-    """
-    edges = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
-    required = 6 if edges.size == 2 else 2  # a single quintic has six coefficients
-    too_few = np.histogram(times, edges)[0] < required
-    if too_few.any():
-        begin = edges[too_few.argmax()]
-        raise ValueError(f"smoothing = {width:g} s leaves less than {required} values after t = {begin:g} s; widen it")
-    spline = make_lsq_spline(times, values, np.pad(edges, 5, mode="edge"), 5)
-    return np.array([edges, *(spline(edges, order) for order in range(3))])
+                known = np.logical_and.reduce([np.isfinite(column) for column in triple if column is not None])
+                measured = (column if column is None else column[known] for column in triple)
+                given = (values[name][known],) if smoothing else measured
+                yield name, piecewise_polynomial(knots(times[known], *given, smoothing=smoothing))  # type: ignore[arg-type]
 
 
 def _read_table(data: object, known: Collection[str]) -> Table:

@@ -254,6 +254,10 @@ Join = Annotated[
         "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
     ),
 ]
+Smoothing = Annotated[
+    Number,
+    option("D", "fit noisy rows of tables without rates by splines with knots D seconds apart", parser=float),
+]
 Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
 Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
 Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]

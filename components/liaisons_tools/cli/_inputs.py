@@ -36,7 +36,14 @@ class PrescribedInputs:
 
 
 def prescribed_inputs(
-    system: System, inputs: Iterable[str], start_time: float, stop_time: float, *, single: bool, join: Join
+    system: System,
+    inputs: Iterable[str],
+    start_time: float,
+    stop_time: float,
+    *,
+    single: bool,
+    join: Join,
+    smoothing: float | None = None,
 ) -> PrescribedInputs:
     """Functions of time and operators that ``--input`` prescribes.
 
@@ -45,6 +52,7 @@ def prescribed_inputs(
     :param stop_time: its stop [s]; tables have to reach from one to the other.
     :param single: the system is one FMU, whose inputs have no prefix.
     :param join: of the rows of tables without rates.
+    :param smoothing: distance of the knots of splines that fit such rows [s]; None: curves pass through them.
     :raises LiaisonsError: if an expression cannot be parsed, a file not read, or there is no such input.
     """
     prescribed, names = PrescribedInputs(), set[str]()
@@ -55,7 +63,7 @@ def prescribed_inputs(
             times, columns = _checked_columns(table, ports)
             _check_table_span(text, times, start_time, stop_time)
             try:
-                new = _prescribe_table(prescribed, times, columns, ports, join)
+                new = _prescribe_table(prescribed, times, columns, ports, join=join, smoothing=smoothing)
             except LiaisonsError as error:
                 raise SimulationError(f"{text}: {error}") from None
         else:
@@ -145,9 +153,10 @@ def _checked_columns(table: Table, ports: Mapping[str, Port]) -> tuple[Floats, d
     times = table.times(most=2)
     if times.size < 2:
         raise SimulationError(f"{table.title}: {times.size} lines of numbers; give two at least")
-    columns = {name: table.numbers(name, port.variable.unit, complete=True) for name, port in ports.items()}
+    columns = {name: table.numbers(name, port.variable.unit) for name, port in ports.items()}
     ends = np.arange(times.size) == times.size - 1
     for name, column in columns.items():
+        table.check_curve(name, times, column)
         jumps = times[-1] == times[-2] and column[-1] != column[-2]
         table.refuse_rows(name, ends & jumps, "a jump after which nothing follows; leave it out, or add a later line")
     return times, columns
@@ -168,7 +177,9 @@ def _prescribe_table(
     times: Floats,
     columns: Mapping[str, Floats],
     ports: Mapping[str, Port],
+    *,
     join: Join,
+    smoothing: float | None,
 ) -> set[str]:
     """Add an operator for each coordinate in a table, and a function for each other input; return their names.
 
@@ -177,11 +188,19 @@ def _prescribe_table(
     triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:
-        table = knots(times, columns[name], join=join)
+        table = knots(*_complete_rows(times, columns[name]), join=join, smoothing=smoothing)
         through, breaks = piecewise_polynomial(table), table[0, 1:][np.diff(table[0]) == 0]
         prescribed.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
-        prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside, join=join)
+        rows = _complete_rows(times, columns[name], *beside)
+        prescribed.operators.setdefault(owner, {})[port] = tabulated(*rows, join=join, smoothing=smoothing)
     return set(ports) - rates | triples.keys()
+
+
+def _complete_rows(times: Floats, values: Floats, *beside: Floats | None) -> list[Any]:
+    """Times, values and rates where none is missing."""
+    columns = [times, values, *beside]
+    complete = np.logical_and.reduce([np.isfinite(column) for column in columns if column is not None])
+    return [column if column is None else column[complete] for column in columns]

@@ -81,6 +81,7 @@ def requested_simulation(
     *span: float | None,
     inputs: Iterable[str],
     join: Join = "quintic",
+    smoothing: float | None = None,
     record: list[str] | None = None,
     isolated: float = 0.0,
     size: Any = None,
@@ -88,7 +89,7 @@ def requested_simulation(
     """Simulation of a command-line argument as the options describe it.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
-    :param inputs: --input, and ``join`` --join.
+    :param inputs: --input, ``join`` --join, ``smoothing`` --smoothing.
     :param record: signals besides mismatches; outputs and inputs if None.
     :param isolated: as :class:`RequestedSimulation` has it.
     :param size: --size, of a component.
@@ -122,7 +123,7 @@ def requested_simulation(
             "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
         )
         logger.warning(words, Path(word).name, end, size)
-    driven = prescribed_inputs(system, inputs, begin, end, single=single, join=join)
+    driven = prescribed_inputs(system, inputs, begin, end, single=single, join=join, smoothing=smoothing)
     _refuse_ignored_starts(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)

@@ -24,6 +24,7 @@ from liaisons_tools.cli._command import (
     Limits,
     Prescribe,
     Size,
+    Smoothing,
     Start,
     Starts,
     Step,
@@ -85,6 +86,7 @@ def simulate(
     tolerance: Tolerance = None,
     inputs: Inputs,
     join: Join = "quintic",
+    smoothing: Smoothing = None,
     record: Annotated[
         str,
         option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signal_completions),
@@ -108,7 +110,14 @@ def simulate(
     )
     names = record.split(",") if record else None
     asked = requested_simulation(
-        fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=isolated, size=size
+        fmu,
+        *(starts, start, stop, step, tolerance),
+        inputs=inputs,
+        join=join,
+        smoothing=smoothing,
+        record=names,
+        isolated=isolated,
+        size=size,
     )
     if diagram:
         asked.system.diagram(diagram)

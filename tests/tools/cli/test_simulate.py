@@ -108,6 +108,29 @@ def test_a_table_is_joined_as_it_is_asked(simulated: Simulated, tmp_path: Path, 
     assert np.abs(result["energy_balance"]).max() < 1e-6
 
 
+def test_a_measured_table_is_smoothed_and_its_gaps_are_said(
+    simulated: Simulated, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An acceleration that noise of 1e-4 m would make 1e-4 / (0.01 s)² = 1 m/s², and more."""
+    t = np.linspace(0, 4, 401)
+    length = 1 + 0.1 * np.sin(2 * t) + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
+    cells = [
+        f"{at:.10g},{'' if row in {7, 8, 200} else value}"
+        for row, (at, value) in enumerate(zip(t, length, strict=True))
+    ]
+    (tmp_path / "measured.csv").write_text("\n".join(["time,length", *cells]))
+    words = ("Pendulum", "--input", "measured.csv", "--stop", "4")
+    errors = [
+        np.std(result["length_ddot"] + 0.4 * np.sin(2 * result.time))
+        for result in (simulated(*words), simulated(*words, "--smoothing", "0.5"))
+    ]
+    assert errors[0] > 1.0
+    assert errors[1] < 0.02  # of the fit: 1e-4 m / (0.5 s)² times about 30 for the ends of a spline
+    assert "column length: 3 of 401 values are missing, the first in line 9; a curve passes over gaps of 0.03 s" in (
+        caplog.text
+    )
+
+
 @pytest.mark.parametrize("name", ["length", "length_dot"])
 @pytest.mark.parametrize("given", ["length=1+0.1*t", "length.csv"])
 def test_what_is_moved_has_no_start_value_beside(liaisons: Cli, tmp_path: Path, name: str, given: str) -> None:
