@@ -26,7 +26,7 @@ class Record(Structure):
     targets: dict[str, Any]
     remembered: ClassVar[tuple[str, ...]] = ()
 
-    def point(self, **targets: NDArray[Any] | Array[Any] | Structure) -> None:
+    def point(self, **targets: NDArray[Any] | Array[Any] | Structure | c_double) -> None:
         """Set pointers, by their names, to arrays or structures, which are kept alive."""
         vars(self).setdefault("targets", {}).update(targets)
         for name, target in targets.items():

@@ -83,7 +83,7 @@ typedef struct { /* see implicit.py and signals.py */
     size_t outputs, kinds, count;
     double *before, *now, *earlier, *since, *sizes, *result;
     const size_t *rates, *kind;
-    const StrongComponent *components;
+    const StrongComponent *components, *settled; /* in a step; at an instant */
     const SignalHistory *histories; /* one of each component, and one of the functions of time */
     const Flag *held;
     Python *drive;        /* NULL: no functions of time */
@@ -358,6 +358,19 @@ EXPORT int solve_component(System *system, const StrongComponent *component, dou
     return status;
 }
 
+/* Solve the equations of all components at one instant, where a smooth piece begins. */
+EXPORT int settle_coupled(System *system, double time, double size) {
+    (void)size; /* of the step before */
+    for (size_t k = 0; k < system->count; k++) {
+        const int status = solve_component(system, &system->settled[k], time, 0);
+        if (status == OK) continue;
+        system->failure.component = k;
+        return status;
+    }
+    memcpy(system->before, system->now, (2 * system->outputs + 1) * sizeof *system->now);
+    return OK;
+}
+
 /* ---- the signals --------------------------------------------------------------------------------------------- */
 
 static void predict(const System *system, double size) {
@@ -425,6 +438,14 @@ static void shape(const System *system, const SignalHistory *history, double siz
     }
 }
 
+static void forget_history(const SignalHistory *history) {
+    for (size_t i = 0; i < history->made; i++) {
+        history->past[i] = history->past[history->made + i] = 0;
+        history->depth[i] = 1;
+    }
+    history->spans[0] = history->spans[1] = 1;
+}
+
 static void advance_history(const System *system, const SignalHistory *history, double size) {
     if (history->made == 0) return;
     for (size_t i = 0; i < history->made; i++) {
@@ -434,6 +455,20 @@ static void advance_history(const System *system, const SignalHistory *history, 
     }
     history->spans[1] = history->spans[0];
     history->spans[0] = size;
+}
+
+static void forget_matrix(const StrongComponent *component) {
+    if (component->newton != NULL) component->newton->ready = 0;
+}
+
+/* Forget the points before the present one, and the derivatives of outputs by inputs. */
+EXPORT void forget(const System *system) {
+    *system->since = 0;
+    for (size_t k = 0; k < system->count; k++) {
+        forget_matrix(&system->components[k]);
+        forget_matrix(&system->settled[k]);
+    }
+    for (size_t k = 0; k <= system->count; k++) forget_history(&system->histories[k]);
 }
 
 /* A step from t to t + H.  Returns 0, the status of a call that failed, RAISED or DIVERGED. */

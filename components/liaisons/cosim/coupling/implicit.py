@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from ctypes import addressof, byref, c_double
+from functools import partial
 from typing import Any, NoReturn, final
 
 import numpy as np
@@ -73,15 +74,23 @@ class Coupled:
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._system_record()
-        advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
-        advance.set_record(COUPLED, addressof(self._record)).set_failure("couple", self._raise_failure)
+        library.forget.restype = None
+        self._address = byref(self._record)
+        advance = self._coupled_call(library.advance_coupled, "step")
+        settle = [Call(self._evaluate_drives_at_instant)] if self._drives else []
+        settle.append(self._coupled_call(library.settle_coupled, "instant"))
         read = [
             instances[name].getter([parts[name].fmu.variables[v] for _, v in references], bus.view(references))
             for name, references in bus.recorded_only.items()
             if references
         ]
-        initial, later = (Call(self.solve_at_instant, initial=initial) for initial in (True, False))
-        self.calls = CommunicationCalls([initial], [later, *read], [advance, *read])
+        self.calls = CommunicationCalls([Call(self._initialize)], [*settle, *read], [advance, *read])
+
+    def _coupled_call(self, function: Callable[..., int], phase: Phase) -> Call:
+        """Call of compiled code for the whole system."""
+        call = Call(function, self._address, self._bus.start, self._bus.size)
+        failure = partial(self._raise_failure, phase)
+        return call.set_record(COUPLED, addressof(self._record)).set_failure("couple", failure)
 
     def _system_record(self) -> SystemRecord:
         """Prepare the system for compiled code."""
@@ -93,9 +102,10 @@ class Coupled:
         ]
         calls = zip((*self._histories, self._driven), (*self._source_calls, None), strict=True)
         self._referenced = histories = [history.record(call) for history, call in calls]
-        records = [component.equations("step") for component in components]
+        records, settled = ([c.equations(phase) for c in components] for phase in ("step", "instant"))
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
         record.point(components=(StrongComponentRecord * len(components))(*records))
+        record.point(settled=(StrongComponentRecord * len(components))(*settled))
         record.point(histories=(SignalHistoryRecord * len(histories))(*histories))
         record.drive = self._drive_call.compiled_record().function if self._drives else None
         record.orders, record.instants = INSIDE.shape
@@ -106,19 +116,19 @@ class Coupled:
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record
 
-    def _raise_failure(self, _action: Action, status: int, _when: str) -> NoReturn:
+    def _raise_failure(self, phase: Phase, _action: Action, status: int, _when: str) -> NoReturn:
         """Raise the error of a step in which compiled code has failed."""
         failure = self._record.failure
         for call in (self._drive_call, *self._source_calls):
             if status == RAISED and call is not None and call.raised is not None:
                 self._bus.check_status(call, status)
-        self._components[failure.component].raise_failure("step", failure, status)
+        self._components[failure.component].raise_failure(phase, failure, status)
         raise AssertionError(status)
 
     def _solve(self, component: StrongComponent, phase: Phase, size: float = 0.0) -> None:
         """Solve the equations of a strong component in the present step, or, of size 0, at one instant."""
         equations, start = byref(component.equations(phase)), self._bus.start
-        if status := self._library.solve_component(byref(self._record), equations, start, c_double(size)):
+        if status := self._library.solve_component(self._address, equations, start, c_double(size)):
             component.raise_failure(phase, self._record.failure, status)
 
     def reset(self) -> None:
@@ -129,24 +139,19 @@ class Coupled:
         for component in self._components:
             component.forget_derivatives()
 
-    def solve_at_instant(self, *, initial: bool) -> None:
-        """Solve the equations at the present time, where a smooth piece starts.
-
-        :param initial: in initialization, from the start values on.
-        """
-        time = self._bus.end.value
-        self._evaluate_drives(time, self._later_instant_of_piece(time))
+    def _initialize(self) -> None:
+        """Solve the equations of initialization, from the start values on."""
+        self._evaluate_drives_at_instant()
         for component in self._components:
-            if initial:
-                component.read_start_values()
-            self._solve(component, "initialization" if initial else "instant")
+            component.read_start_values()
+            self._solve(component, "initialization")
         self.signals.before[:] = self.signals.now
 
     def cross(self) -> None:
         """Make the tiny step to a break with extrapolated inputs, and start the piece behind it."""
-        signals, time = self.signals, self._bus.end.value
+        signals = self.signals
         signals.now[:] = signals.before
-        self._evaluate_drives(time, self._later_instant_of_piece(time))
+        self._evaluate_drives_at_instant()
         held = signals.held.copy()
         signals.held[:] = True
         try:
@@ -154,21 +159,13 @@ class Coupled:
                 self._solve(component, "crossing", self._bus.size.value)
         finally:
             signals.held[:] = held
-        self._forget()
-        self.solve_at_instant(initial=False)
-        self._bus.perform(self.calls.step[1:])
+        self._library.forget(self._address)
+        self._bus.perform(self.calls.instant)
 
     def forget_past(self) -> None:
         """Forget the points before the present one, and the derivatives of outputs by inputs."""
         self._bus.set_step(self._bus.end.value, self._bus.end.value)
-        self._forget()
-
-    def _forget(self) -> None:
-        for component in self._components:
-            component.forget_derivatives()
-        self.signals.since[:] = 0.0
-        for history in (*self._histories, self._driven):
-            history.memory.reset()
+        self._library.forget(self._address)
 
     def save(self) -> list[Any]:
         """The state of the coupling, for :meth:`restore`."""
@@ -218,6 +215,10 @@ class Coupled:
         driven.others[:] = inside[:, driven.made]
         driven.memory.reset()  # what is seen inside a step is better than the past
         return 1
+
+    def _evaluate_drives_at_instant(self) -> None:
+        time = self._bus.end.value
+        self._evaluate_drives(time, self._later_instant_of_piece(time))
 
     def _evaluate_drives(self, time: float, other: float | None) -> None:
         """Evaluate the functions of time at an instant [s], and the slopes of accelerations by another instant [s]."""

@@ -134,7 +134,7 @@ class Kernel:
     :ivar algorithm: the coupling; ``recorder`` makes and records its steps.
     :ivar timeline: the breaks; ``deviations`` finds those that nothing announces.
     :ivar are_samples: whether all breaks are samples, to which steps lead as to any other point.
-    :ivar progress: how far the run has come.
+    :ivar progress: how far the run has come; ``count``: number of communication points.
     """
 
     def __init__(
@@ -149,6 +149,7 @@ class Kernel:
         self.algorithm: MasterAlgorithm = _algorithm(simulation)(simulation, instances, bus)
         self.deviations = Deviations(simulation.drives, bus, simulation.step_tolerance)
         self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
+        self.count = len(simulation.times)
         self._batch = 1  # steps for which functions of time are evaluated at once
 
     def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], *, estimates: bool) -> None:
@@ -160,13 +161,13 @@ class Kernel:
         """
         parts, fed = self.simulation.parts, {name for name, _ in self.simulation.feeds}
         reads_samples = any(parts[name].approximation.holds_by_choice for name in fed)
-        self._at_instant = self.algorithm.calls.instant
         self._estimates, self._halves = estimates, self.timeline.divides and estimates and not reads_samples
         itself = estimates or self.simulation.iterates or any(p.approximation.takes_end_values for p in parts.values())
         self.are_samples = self.timeline.are_samples and not itself
         times, own = self.simulation.times, (self.algorithm, *self.simulation.drives, self.deviations.memory)
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
-        self.recorder = Loop([*self.algorithm.calls.step, *watch], self.bus, capacity)
+        calls = self.algorithm.calls
+        self.recorder = Loop([*calls.step, *watch], calls.instant, self.bus, capacity)
         owners = [self.recorder, *own, self.timeline, self.progress, *owners]
         self.moments = Moments(self.instances, self.bus, owners)
 
@@ -226,17 +227,19 @@ class Kernel:
         """Save the present state."""
         return self.moments.save(self.recorder.end)
 
-    def begin_piece(self, size: float) -> None:
+    def begin_piece(self, size: float | None = None) -> None:
         """Begin a smooth piece with the inputs that are set now; where errors are estimated, it is recorded as a break.
 
-        :param size: of a communication step [s].
+        :param size: of a communication step [s]; None: of the next one.
         """
         recorder, time = self.recorder, self.bus.end.value
         self.algorithm.forget_past()
-        self.bus.perform(self._at_instant)
         if self._estimates:
+            if size is None:
+                times, points = self.simulation.times, self.progress.points
+                size = times[points] - times[points - 1]
             recorder.begin_piece(self.timeline.tiny_step(time, size))
-        recorder.rows[recorder.done - 1] = self.bus.values
+        recorder.settle()
         self.timeline.find_next(time)
 
     def cross(self, start: float, stop: float) -> Vector:

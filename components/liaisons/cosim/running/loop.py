@@ -7,11 +7,10 @@ arrays that are connected in part).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from ctypes import byref, c_size_t, c_ssize_t, c_void_p
+from ctypes import byref, c_bool, c_size_t, c_ssize_t, c_void_p
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any, final
 
@@ -20,8 +19,10 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import Call, CallRecord
+from liaisons.cosim.compiled.calls import HEADER, Call
 from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.records import call_records
+from liaisons.cosim.structures import Record, structure_fields
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
@@ -81,10 +82,17 @@ class _History:
 
 
 @final
+class _LoopRecord(Record):
+    """See :class:`Loop`."""
+
+    _fields_ = structure_fields(HEADER.with_name("loop.c"), "Loop")
+
+
+@final
 class Loop:
     """Communication steps, and the recorded values of the bus after each.
 
-    :param calls: those of one step.
+    :param step: calls of one step; ``instant``: those at one instant.
     :param capacity: expected number of communication points.
     :ivar done: number of recorded points.
     :ivar rows: values of the bus at each of :attr:`times` [s], shape (points, width of the bus).
@@ -92,22 +100,23 @@ class Loop:
     :ivar after_break: breaks, with the values right of them.
     """
 
-    def __init__(self, calls: Sequence[Call], bus: Bus, capacity: int) -> None:
+    def __init__(self, step: Sequence[Call], instant: Sequence[Call], bus: Bus, capacity: int) -> None:
         self.done, self.rows = 0, np.empty((capacity, bus.values.size))
-        self.times, self.result_times = self._instants = np.empty((2, capacity))
+        self.times, self.result_times = np.empty((2, capacity))
         self.after_break = np.zeros(capacity, dtype=bool)
-        self._calls, self._bus = calls, bus
-        self._addresses = self.times.ctypes.data, self.rows.ctypes.data  # looked up once, since that takes 1 µs
+        self._step, self._instant, self._bus = step, instant, bus
         self._history = _History()
-        self._compiled: Callable[..., int] | None = None
-        if (library := compiled.step_library()) is not None:
-            records = [call.compiled_record() for call in calls]
+        self._library = library = compiled.step_library()
+        if library is not None:
+            library.advance.argtypes, library.advance.restype = (c_void_p, c_size_t, c_size_t, c_bool), c_size_t
+            library.settle.argtypes, library.settle.restype = (c_void_p, c_size_t), c_bool
             self._refusal = (c_ssize_t * 2)()
-            library.advance.restype = c_size_t
-            program = (CallRecord * len(records))(*records), c_size_t(len(records))
-            clock = byref(bus.start), byref(bus.size), byref(bus.end)
-            values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
-            self._compiled = partial(library.advance, *program, *clock, *values)
+            record = _LoopRecord(step_calls=len(step), instant_calls=len(instant), width=bus.values.size)
+            record.point(step=call_records(step), instant=call_records(instant), refusal=self._refusal)
+            record.point(start=bus.start, size=bus.size, end=bus.end, bus=bus.values)
+            record.point(times=self.times, result_times=self.result_times, rows=self.rows)
+            self._record, self._address = record, byref(record)
+            self._advance, self._settle = library.advance, library.settle
 
     def add(self, time: float, values: Vector, *, result_time: float | None = None, after_break: bool = False) -> None:
         """Record a point that was reached without :meth:`advance`.
@@ -115,7 +124,8 @@ class Loop:
         :param result_time: its time in the result [s], which may differ by rounding; None: it is not in the result.
         :param after_break: it is a break, with the values right of it.
         """
-        self._make_room(1)
+        if self.done == len(self.rows):
+            self._make_room(1)
         last = self.done
         self.rows[last], self.times[last], self.after_break[last] = values, time, after_break
         self.result_times[last] = math.nan if result_time is None else result_time
@@ -146,12 +156,17 @@ class Loop:
         self.result_times[first] = self.times[first] if in_result else math.nan
 
     def begin_piece(self, tiny_step: float) -> None:
-        """Make a break of the last point, and lead a tiny step to it [s]."""
-        last = self.done - 1
+        """Make a break of the last point, to be settled, and lead a tiny step to it [s]."""
+        last, new = self.done - 1, self.done
         if last and not self.after_break[last]:
-            time, result_time = self.end, float(self.result_times[last])
-            self.times[last], self.result_times[last] = time - tiny_step, math.nan
-            self.add(time, self.rows[last], result_time=result_time, after_break=True)
+            if new == len(self.rows):
+                self._make_room(1)
+            times, result_times = self.times, self.result_times
+            times[new], result_times[new] = times[last], result_times[last]
+            times[last] -= tiny_step
+            result_times[last] = math.nan
+            self.after_break[new] = True
+            self.done += 1
 
     def truncate(self, points: int) -> None:
         """Remove all points but the first ones."""
@@ -194,35 +209,53 @@ class Loop:
         :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
         """
         first, steps = self.done, len(instants)
-        self._make_room(steps)
-        self._instants[:, first : first + steps] = instants
-        if not in_result:
-            self.result_times[first : first + steps] = math.nan
-        if self._compiled is None:
-            self._advance_in_python(steps)
+        if first + steps > len(self.rows):
+            self._make_room(steps)
+        self.times[first : first + steps] = instants
+        self._make_steps(steps, in_result)
+
+    def step(self, end: float) -> None:
+        """Make one step to an instant [s] of the result, as :meth:`advance` does."""
+        if self.done == len(self.rows):
+            self._make_room(1)
+        self.times[self.done] = end
+        self._make_steps(1, True)
+
+    def settle(self) -> None:
+        """Make the calls at the last instant, and record the bus there anew."""
+        last = self.done - 1
+        if self._library is None:
+            self._bus.perform(self._instant)
+            self.rows[last] = self._bus.values
+        elif not self._settle(self._address, last):
+            call, status = self._refusal
+            self._bus.check_status(self._instant[call], status)
+
+    def _make_steps(self, steps: int, in_result: bool) -> None:
+        """Make steps to the times after the last point."""
+        if self._library is None:
+            self._advance_in_python(steps, in_result)
             return
-        done = self._compiled(
-            c_void_p(self._addresses[0] + (first - 1) * self.times.itemsize),
-            c_size_t(steps),
-            c_void_p(self._addresses[1] + first * self.rows.strides[0]),
-            self._refusal,
-        )
+        done = self._advance(self._address, self.done - 1, steps, in_result)
         self.done += done
         if done < steps:
             call, status = self._refusal
-            self._raise_refusal(self._calls[call], status)
+            self._raise_refusal(self._step[call], status)
 
     def _make_room(self, points: int) -> None:
         while self.done + points > len(self.rows):
-            self.rows = np.concatenate([self.rows] * 2)
-            self.times, self.result_times = self._instants = np.concatenate([self._instants] * 2, axis=1)
+            self.rows, self.times, self.result_times = (
+                np.concatenate([array] * 2) for array in (self.rows, self.times, self.result_times)
+            )
             self.after_break = np.append(self.after_break, np.zeros_like(self.after_break))
-            self._addresses = self.times.ctypes.data, self.rows.ctypes.data
+        if self._library is not None:
+            self._record.point(times=self.times, result_times=self.result_times, rows=self.rows)
 
-    def _advance_in_python(self, steps: int) -> None:
+    def _advance_in_python(self, steps: int, in_result: bool) -> None:
         for first, last in pairwise(self.times[self.done - 1 : self.done + steps].tolist()):
             self._bus.set_step(first, last)
-            for call in self._calls:
+            self.result_times[self.done] = last if in_result else math.nan
+            for call in self._step:
                 if status := call():
                     self._raise_refusal(call, status)
             self.rows[self.done] = self._bus.values
@@ -230,7 +263,7 @@ class Loop:
 
     def _raise_refusal(self, call: Call, status: int) -> None:
         """Raise the error of a status; first record the end that an FMU has requested, if all other FMUs reach it."""
-        bus, calls = self._bus, self._calls
+        bus, calls = self._bus, self._step
         try:
             bus.check_status(call, status)
         except EndedError as ended:

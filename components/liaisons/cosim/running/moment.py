@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, final
+from typing import Any, NoReturn, Protocol, final
 from weakref import finalize
 
 from liaisons.cosim.arrays import Vector
@@ -76,6 +76,10 @@ class Moment:
 
     def __repr__(self) -> str:
         return f"<state at t = {self.time:.10g} s>"
+
+    def __reduce__(self) -> NoReturn:
+        words = "has FMUs in memory, and cannot be copied or pickled; pickle its result"
+        raise SimulationError(f"the state of a run at t = {self.time:.10g} s {words}")
 
 
 @final

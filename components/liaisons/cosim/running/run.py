@@ -178,21 +178,22 @@ class Run:
 
     def _set_and_step(self, free: Sequence[FreeInput], values: Collection[ArrayLike]) -> None:
         """Set inputs whose values have changed, and step to the next communication point."""
-        self._require_open()
+        if self._closed or self._lost:
+            self._require_open()
         kernel, progress = self._kernel, self._kernel.progress
-        points, times = progress.points, kernel.simulation.times
-        if progress.end or points == len(times) or self._chooses_steps:
+        points = progress.points
+        if progress.end or points == kernel.count or self._chooses_steps:
             refuse_step(kernel)
-        numbers = [one.checked_numbers(value) for one, value in zip(free, values, strict=True)]
-        changed = [one.put for one, number in zip(free, numbers, strict=True) if one.assign(number)]
+        numbers = list(map(FreeInput.checked_numbers, free, values))
+        changed = list(filter(None, map(FreeInput.assign, free, numbers)))
         try:
             if changed:
                 kernel.bus.perform(changed)
-                kernel.begin_piece(times[points] - times[points - 1])
-            if self._is_watched or kernel.timeline.next < math.inf or points + 1 == len(times):
+                kernel.begin_piece()
+            if self._is_watched or kernel.timeline.next < math.inf or points + 1 == kernel.count:
                 deque(self._drive(points + 1), maxlen=0)
             else:  # nothing can happen before the next point
-                kernel.recorder.advance((times[points],))
+                kernel.recorder.step(kernel.simulation.times[points])
                 progress.points += 1
         except EndedError as ended:
             progress.end = str(ended)
@@ -204,7 +205,8 @@ class Run:
         except KeyboardInterrupt:
             progress.end = "it was interrupted within a step; restore a state, or start another run"
             raise
-        self.wait()
+        if self._observers.real_time.is_paced:
+            self.wait()
 
     def _free_input(self, name: str) -> FreeInput:
         self._require_open()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn, final
+from typing import Any, NoReturn, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,7 @@ class FreeInput:
             raise SimulationError(f"{part.name}.{fed[0]} is connected or driven, so that a step cannot set it")
         self.values = np.full(len(scalars), np.nan)
         self.put: Call = instance.setter(scalars, self.values)
+        self._view: Any = self.values.data  # numbers of Python, since scalars of NumPy take three times as long
 
     def checked_numbers(self, value: ArrayLike) -> Vector | float:
         """A value of the input as numbers.
@@ -63,15 +64,15 @@ class FreeInput:
                 raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
         return checked.ravel() if self._shape else checked.item()
 
-    def assign(self, numbers: Vector | float) -> bool:
-        """Set :attr:`values`, without :attr:`put`; returns whether they have changed."""
+    def assign(self, numbers: Vector | float) -> Call | None:
+        """Set :attr:`values`; returns :attr:`put` if they have changed."""
         if self._shape:
             same = np.array_equal(self.values, numbers)
             self.values[:] = numbers
-        else:  # numbers of Python, since scalars of NumPy take three times as long
-            same = self.values.item() == numbers
-            self.values.fill(numbers)
-        return not same
+        else:
+            same = self._view[0] == numbers
+            self._view[0] = numbers
+        return None if same else self.put
 
 
 def refuse_step(kernel: Kernel) -> NoReturn:
@@ -89,6 +90,8 @@ def one_number_each(title: str, inputs: Sequence[str], values: ArrayLike) -> lis
     :param title: of the simulation; ``inputs``: names.
     :raises SimulationError: unless there is one for each.
     """
+    if type(values) is list and len(values) == len(inputs) and set(map(type, values)) == {float}:
+        return values
     try:
         numbers = np.asarray(values)
     except ValueError:  # of several lengths
