@@ -38,6 +38,7 @@ def test_a_drive_has_its_limits_from_the_right(instant: float) -> None:
 def test_a_piece_begins_with_the_limit_from_the_right(breaks: list[float]) -> None:
     """Whatever the function returns at the break itself, which may have been found by bisection."""
     drive = Drive(lambda t: float(t > 0.5), (("part", "force"),), breaks=np.array(breaks))
+    assert Drive(math.sin, (("part", "force"),)).breaks.size == 0
     assert drive(0.5) == 0
     drive.begin_piece(0.5)
     assert drive(0.5) == 1

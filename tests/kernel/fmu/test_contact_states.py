@@ -92,6 +92,7 @@ def test_modes_that_cannot_be_are_refused(library, slot, contact, values) -> Non
     for value in values:
         forged = _sealed(_patched(content, offset, struct.pack("=d", value)))
         instance.deserialize(forged, ERROR, f"the saved state is damaged: {contact} is out of range")
+    instance.deserialize(content)
     np.testing.assert_array_equal(instance.get(*OUTPUTS), before)
 
 

@@ -273,6 +273,7 @@ def test_times_of_model_exchange_are_finite(pendulum_library, number) -> None:
 # ---- numbers -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.variants(core=3)
 def test_numbers_that_are_not_finite_are_refused_when_they_are_read(every_pendulum) -> None:
     instance = every_pendulum.start(length_dot=10.0, length_ddot=1e308)
     message = "power = inf at t = 0: it must be finite; choose other start values or inputs"

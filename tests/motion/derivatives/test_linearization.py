@@ -182,6 +182,7 @@ def test_control_has_the_same_numbers(fmu) -> None:
     assert (plant.input_labels, plant.output_labels) == (["theta_force"], ["theta", "theta_dot"])
 
 
+@pytest.mark.variants(core=8)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
