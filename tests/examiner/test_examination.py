@@ -5,11 +5,13 @@ import json
 import tomllib
 from pathlib import Path
 
+import casadi as ca
 import pytest
 
-from liaisons import LiaisonsError, check_component
+from liaisons import ActiveCoordinate, Coordinate, LiaisonsError, Mechanism, Parameter, check_component
 from liaisons.library import catalogue
 from liaisons.testing import component_test
+from liaisons_motion.examination.statements import statements
 from liaisons_tools.cli import main
 
 HERE = Path(__file__).parent
@@ -51,6 +53,7 @@ def test_a_right_component_is_not_accused(path: Path) -> None:
         "moved_base",  # friction on the absolute velocity
         "ring_bead",  # a constraint that is lost: it cannot be loaded
         "three_discs",  # a wrong unit: likewise
+        "hinged_halves",  # a rate that the closed form does not need: the docstring's conserved momentum does
     ],
 )
 def test_a_wrong_line_is_among_the_first_two_causes(name: str, tmp_path: Path) -> None:
@@ -78,6 +81,41 @@ def test_faults_are_found_and_named(tmp_path: Path) -> None:
 def test_no_component_of_the_catalogue_is_accused(name: str) -> None:
     examination = check_component(name)
     assert examination.passed, [str(verdict) for verdict in examination.verdicts]
+
+
+def test_formulas_of_the_docstring_are_read() -> None:
+    class Sled(Mechanism):
+        """Sled m on a spring k, in wind at the speed w' of an operator: m x'' = -k x - 2 c (x' - w').
+
+        T = ½ m x'², n = c/m: x'' = -k x/m - n (x' - w').  At m x'' = 7 it
+        rests at x = 0, and (k + m) w is not said to be constant.
+        m w' is constant; the momentum m x' stays what it was; p_x = m x'; 2 V = k x² sin²(w/k) + k x² cos² w/k.
+        """
+
+        mass = Parameter(2.0, "kg", "mass", above=0)
+        stiffness = Parameter(3.0, "N/m", "stiffness", above=0)
+        damper = Parameter(0.5, "N.s/m", "damper", symbol="c")
+        x = Coordinate("m", "position")
+        wind = ActiveCoordinate("m", "way of the air", symbol="w")
+
+        def kinetic_energy(self) -> ca.SX:
+            return self.mass / 2 * self.dot(self.x) ** 2
+
+        def potential_energy(self) -> ca.SX:
+            return self.stiffness / 2 * self.x**2
+
+        def dissipation_function(self) -> ca.SX:
+            return self.damper / 2 * self.dot(self.x - self.wind) ** 2
+
+    assert statements(Sled()) == {
+        "m x'' = -k x - 2 c (x' - w')": False,
+        "T = ½ m x'²": True,
+        "x'' = -k x/m - n (x' - w')": True,
+        "m w' is constant": False,
+        "m x' stays what it was": False,
+        "p_x = m x'": True,
+        "2 V = k x² sin²(w/k) + k x² cos² w/k": False,
+    }
 
 
 OWN = '''

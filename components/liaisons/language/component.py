@@ -131,7 +131,7 @@ class Component(ABC):
         return (inspect.getdoc(cls) or cls.__name__).splitlines()[0]
 
     def __getattr__(self, name: str) -> Any:
-        # Only called for names that do not exist: a misspelt symbol in a method of the component.
+        # Only called for names that are not declared: rates, and misspelt symbols in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
         array, bracket, index = name.partition("[")
@@ -140,11 +140,8 @@ class Component(ABC):
         names = [n for n in dir(type(self)) if not n.startswith("_")]
         coordinate, _, order = name.rpartition("_")
         if name in self.symbols and coordinate in names and order in ("dot", "ddot"):
-            rate = f"self.dot(self.{coordinate})"
-            fix = f"; write {rate if order == 'dot' else f'self.dot({rate})'}"
-        else:
-            fix = suggestion(name, names)
-        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{fix}")
+            return self.symbols[name]
+        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, names)}")
 
     def _add_symbols(self, names: Iterable[str]) -> ca.SX:
         """Column of new symbols, which are added to ``symbols``."""

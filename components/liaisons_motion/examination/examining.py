@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from textwrap import dedent
@@ -23,12 +23,16 @@ from liaisons.language import Component, Friction, Mechanism, Parameter
 from liaisons.library import Target
 from liaisons.library import component as component_of
 from liaisons_motion.examination.motions import EquationsOfMotion
-from liaisons_motion.examination.repairs import Cause, causes, causes_of_refusal
+from liaisons_motion.examination.repairs import Cause, causes, causes_of_refusal, causes_of_statements
+from liaisons_motion.examination.statements import statements
 from liaisons_motion.examination.trials import Trial, trials_of
 
 _SEED = 20
 _TRIALS = 3
 """Sets of values beside the declared ones: two that agree by chance are rare, a third one costs little."""
+
+_LEAST = 4.0
+"""Least time of the search for a change with which a formula of the docstring holds [s]."""
 
 
 @final
@@ -106,13 +110,18 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
         _check_declarations(declared, report)
         _check_energies(declared, report)
     closed = getattr(declared, "exact", None)
-    explained: Sequence[Cause] = ()
+    trials, explained = list[Trial](), list[Cause]()
     if not isinstance(closed, ClosedForm):
         report.unchecked.append("closed form: none is called exact")
     elif closed.arguments != ("t",):
         report.unchecked.append(f"closed form: it takes {', '.join(closed.arguments)}; exact(t, at) is checked")
     elif equations is not None:
-        explained = _check_closed_form(declared, closed, equations, report, end)
+        trials, explained = _check_closed_form(declared, closed, equations, report, end)
+    if issubclass(declared, Mechanism) and (stated := statements(declared())):
+        if not explained and not all(stated.values()) and all(one.passed for one in report.verdicts):
+            end = max(end, perf_counter() + _LEAST)
+            explained = causes_of_statements(declared, closed if trials else None, trials, stated, end)
+        _check_statements(stated, report, is_explained=bool(explained))
     return Examination(declared.__name__, tuple(report.verdicts), tuple(explained), tuple(report.unchecked))
 
 
@@ -167,7 +176,7 @@ def _random_values(
 
 def _check_closed_form(
     declared: type[Component], closed: ClosedForm, equations: EquationsOfMotion, report: _Report, end: float
-) -> Sequence[Cause]:
+) -> tuple[list[Trial], list[Cause]]:
     """The closed form is the motion by the equations, at the declared values and at others that it covers."""
     trials = list[Trial]()
     reason = "rounding 1e-8 of its size, and ten times the error of the integration"
@@ -176,9 +185,9 @@ def _check_closed_form(
     except Exception as error:  # noqa: BLE001 - a closed form may raise anything: that is what is found
         if _covers_other_values(error):
             report.unchecked.append(f"closed form: it cannot be called with the declared values: {error}")
-            return ()
+            return [], []
         report.add(f"exact can be evaluated: {type(error).__name__}: {error}", math.inf, 0.0, "it is called")
-        return causes(declared, closed, None, (), end)
+        return [], causes(declared, closed, None, (), end)
     differences: dict[str, float] = {}
     for trial in trials:
         for name, difference in trial.differences().items():
@@ -187,7 +196,18 @@ def _check_closed_form(
         report.add(f"{name} is what exact says, at {len(trials)} sets of values", difference, 1.0, reason)
     if not differences:
         report.unchecked.append("closed form: the motion is too uncertain to be compared")
-    return causes(declared, closed, equations, trials, end) if any(d > 1 for d in differences.values()) else ()
+    is_wrong = any(difference > 1 for difference in differences.values())
+    return trials, causes(declared, closed, equations, trials, end) if is_wrong else []
+
+
+def _check_statements(stated: Mapping[str, bool], report: _Report, *, is_explained: bool) -> None:
+    """What the docstring states of the motion holds; if nothing explains why not, it may be said of a regime."""
+    for text, holds in stated.items():
+        if holds or is_explained:
+            reason = "rounding, at 3 states; accelerations are Lagrange's"
+            report.add(f"docstring: {text}", 0.0 if holds else math.inf, 1e-9, reason)
+        else:
+            report.unchecked.append(f"docstring: {text}, which does not hold at all states")
 
 
 def _covers_other_values(error: Exception) -> bool:

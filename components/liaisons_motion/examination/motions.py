@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import count
 from typing import final
 
 import numpy as np
@@ -53,8 +54,13 @@ class EquationsOfMotion:
         """Rows of an array as outputs by their names."""
         return dict(zip(self.outputs, outputs, strict=True))
 
-    def outputs_at(self, values: Mapping[str, float], times: NDArray, tolerance: float = _TOLERANCE) -> NDArray:
-        """Return all outputs at times, shape (outputs, times), by an integration of this tolerance."""
+    def outputs_at(
+        self, values: Mapping[str, float], times: NDArray, tolerance: float = _TOLERANCE, most: int = 200_000
+    ) -> NDArray:
+        """Return all outputs at times, shape (outputs, times), by an integration of this tolerance.
+
+        :param most: calls of the derivatives after which the motion is given up, all NaN.
+        """
         model = self.model
         parameters = [values[v.name] for v in model.parameters]
         constant = np.array([values[v.name] for v in model.inputs])
@@ -72,18 +78,25 @@ class EquationsOfMotion:
         last = [memory] if model.derivatives.n_in() > 4 else []
         sizes = np.array(model.nominals(0.0, start, inputs(0.0), parameters)).ravel()
 
-        def rates(t: float, y: NDArray) -> NDArray:
-            return np.array(model.derivatives(t, y, inputs(t), parameters, *last)).ravel()
+        calls = count()
 
+        def rates(t: float, y: NDArray) -> NDArray:
+            derivatives = np.array(model.derivatives(t, y, inputs(t), parameters, *last)).ravel()
+            if (number := next(calls)) > most or not (number or np.all(np.isfinite(derivatives))):
+                raise FloatingPointError("too many steps, or singular at the start: the integrator would not end")
+            return derivatives
+
+        states: NDArray = np.zeros((len(times), len(start)))
         if len(start):
             options = {"rtol": tolerance, "atol": tolerance * np.maximum(np.abs(sizes), 1e-12)}
-            with np.errstate(all="ignore"):
-                solved = solve_ivp(rates, (0.0, float(times[-1])), start, method="DOP853", t_eval=times, **options)
-            states = solved.y.T
-        else:
-            states = np.zeros((len(times), 0))
-        calls = zip(times, states, strict=False)  # where it is singular the integration ends
-        outputs = [np.array(model.outputs_function(t, y, inputs(t), parameters, memory)).ravel() for t, y in calls]
-        reached = np.full((len(times), len(self.outputs)), np.nan)
-        reached[: len(outputs)] = outputs
-        return reached.T
+            try:
+                with np.errstate(all="ignore"):
+                    span = (0.0, float(times[-1]))
+                    states = solve_ivp(rates, span, start, method="DOP853", t_eval=times, **options).y.T
+            except FloatingPointError:
+                states = states[:0]
+        reached = zip(times, states, strict=False)  # where it is singular the integration ends
+        outputs = [np.array(model.outputs_function(t, y, inputs(t), parameters, memory)).ravel() for t, y in reached]
+        whole = np.full((len(times), len(self.outputs)), np.nan)
+        whole[: len(outputs)] = outputs
+        return whole.T

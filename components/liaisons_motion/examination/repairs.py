@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,15 +19,20 @@ import casadi as ca
 import numpy as np
 
 from liaisons.closed_forms import ClosedForm
-from liaisons.language import Component
+from liaisons.language import Component, Mechanism
 from liaisons_motion.examination.edits import Edit, edits_of, unit_edits
 from liaisons_motion.examination.motions import EquationsOfMotion
+from liaisons_motion.examination.statements import statements
 from liaisons_motion.examination.terms import missing_terms
 from liaisons_motion.examination.trials import Trial, solution_of, times_of, trials_of
 
 _ENERGIES = ("kinetic_energy", "potential_energy", "lagrangian", "dissipation_function")
 _FURTHER = 2
 """Ranks after the first repair that are still tried: less likely changes explain nothing more."""
+_MOST = 10_000
+"""Calls of the derivatives after which a motion with a change is given up."""
+_EARLY = 7
+"""Times of the first trial at which most changes are seen to repair nothing."""
 
 
 @final
@@ -90,10 +95,17 @@ class Source:
         exec(compile(ast.Module([plain], []), self.file, "exec"), namespace)
         return namespace[name]
 
-    def energies(self, method: str) -> bytes:
-        """Lagrangian and dissipation at two sets of values, with one of these methods as the tree has it."""
+    def mechanism(self, method: str) -> Any:
+        """An instance with one method as the tree has it now; empty: with all that it declares now."""
+        if not method:
+            return self.changed()()
         mechanism = self.component()
         setattr(mechanism, method, MethodType(self.method(method), mechanism))
+        return mechanism
+
+    def energies(self, method: str) -> bytes:
+        """Lagrangian and dissipation at two sets of values, with one of these methods as the tree has it."""
+        mechanism = self.mechanism(method)
         column = ca.vertcat(*(ca.SX(getattr(mechanism, name)()) for name in ("lagrangian", "dissipation_function")))
         symbols = sorted(ca.symvar(column), key=str)
         evaluate = ca.Function("energies", symbols, [column])
@@ -120,7 +132,8 @@ def causes(
     :param end: value of ``perf_counter`` at which the search ends.
     """
     try:
-        search = _Search(Source.of(component), closed.__name__, closed, equations, trials)
+        stated = statements(component()) if issubclass(component, Mechanism) else {}
+        search = _Search(Source.of(component), closed.__name__, closed, equations, trials, stated)
     except (OSError, SyntaxError):
         return []
     name = closed.__name__
@@ -128,15 +141,49 @@ def causes(
     if equations is not None:
         edits += missing_terms(search.source.declared, component)
     edits.sort(key=lambda edit: (edit.method != name, edit.rank))
-    repairs = list[tuple[Edit, float]]()
+    repairs = list[_Repair]()
     for edit in edits:
-        ranks = [other.rank for other, _ in repairs if (other.method == name) is (edit.method == name)]
+        ranks = [other.edit.rank for other in repairs if (other.edit.method == name) is (edit.method == name)]
         if perf_counter() > end or (ranks and edit.rank > min(ranks) + _FURTHER):
             continue
         worst = search.difference_with(edit)
         if worst is not None and worst <= 1:
-            repairs.append((edit, worst))
-    return [_cause(search.source, *repair, trials) for repair in _ranked(repairs, name)]
+            gained = () if edit.method == name else search.statements_with(edit)
+            repairs.append(_Repair(edit, worst, gained))
+    return [_cause(search.source, repair, trials) for repair in _ranked(repairs, name)]
+
+
+def causes_of_statements(
+    component: type[Component],
+    closed: ClosedForm | None,
+    trials: Sequence[Trial],
+    stated: Mapping[str, bool],
+    end: float,
+) -> list[Cause]:
+    """Single changes with which more of what the docstring states holds, and all else still does.
+
+    :param closed: the closed form, which agrees with the equations at all trials; None without one.
+    :param end: value of ``perf_counter`` at which the search ends.
+    """
+    try:
+        source = Source.of(component)
+        equations = EquationsOfMotion(component) if trials else None
+    except (OSError, SyntaxError):
+        return []
+    name = closed.__name__ if closed else "exact"
+    search = _Search(source, name, closed, equations, trials, stated)
+    edits = edits_of(source.declared, _alike(component), [name])
+    edits += missing_terms(source.declared, component)
+    repairs = list[_Repair]()
+    for edit in sorted(edits, key=lambda edit: edit.rank):
+        if perf_counter() > end or (repairs and edit.rank > repairs[0].edit.rank + _FURTHER):
+            break
+        if edit.method == name:
+            continue
+        gained = search.statements_with(edit)
+        if sum(gained) > 0 and search.is_harmless(edit):
+            repairs.append(_Repair(edit, 0.0, gained))
+    return [_cause(source, repair, trials) for repair in _ranked(repairs, name)]
 
 
 def causes_of_refusal(file: str, end: float) -> list[Cause]:
@@ -154,14 +201,24 @@ def causes_of_refusal(file: str, end: float) -> list[Cause]:
     search = _Search(Source(file, names[0]), "exact", None, None, ())
     declared = search.source.declared
     edits = sorted([*edits_of(declared, lambda _: (), ["exact"]), *unit_edits(declared)], key=lambda edit: edit.rank)
-    repairs = list[tuple[Edit, float]]()
+    repairs = list[_Repair]()
     for edit in edits:
-        if perf_counter() > end or (repairs and edit.rank > repairs[0][0].rank + _FURTHER):
+        if perf_counter() > end or (repairs and edit.rank > repairs[0].edit.rank + _FURTHER):
             break
         worst = search.difference_with(edit)
         if worst is not None and worst <= 1:
-            repairs.append((edit, worst))
-    return [_cause(search.source, *repair, ()) for repair in _ranked(repairs, "exact")]
+            repairs.append(_Repair(edit, worst))
+    return [_cause(search.source, repair, ()) for repair in _ranked(repairs, "exact")]
+
+
+@final
+@dataclass(frozen=True)
+class _Repair:
+    """A change with which all agrees, the largest difference then, and what the docstring states: 1 gained, -1 lost."""
+
+    edit: Edit
+    worst: float
+    statements: Sequence[int] = ()
 
 
 @final
@@ -177,6 +234,7 @@ class _Search:
     closed: Any  # a ClosedForm, which as a descriptor would be taken for a part of this class
     equations: EquationsOfMotion | None
     trials: Sequence[Trial]
+    stated: Mapping[str, bool] = field(default_factory=dict[str, bool])
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     def difference_with(self, edit: Edit) -> float | None:
@@ -188,6 +246,33 @@ class _Search:
             return None
         finally:
             take_back()
+
+    def is_harmless(self, edit: Edit) -> bool:
+        """Whether the component is accepted with a change, and agrees with its closed form if it has one."""
+        if self.trials:
+            worst = self.difference_with(edit)
+            return worst is not None and worst <= 1
+        take_back = edit.swap()
+        try:
+            self.source.changed()
+        except Exception:  # noqa: BLE001 - as above
+            return False
+        finally:
+            take_back()
+        return True
+
+    def statements_with(self, edit: Edit) -> Sequence[int]:
+        """For each statement of the docstring 1 if it holds with a change only, -1 if it does without it only."""
+        if not self.stated:
+            return ()
+        take_back = edit.swap()
+        try:
+            changed = statements(self.source.mechanism(edit.method))
+        except Exception:  # noqa: BLE001 - as above
+            changed = {}
+        finally:
+            take_back()
+        return [changed.get(text, False) - holds for text, holds in self.stated.items()]
 
     def _difference(self, method: str) -> float | None:
         """The same with the source as it is now, of which one method was changed."""
@@ -206,29 +291,38 @@ class _Search:
         if energies in self.known:
             return self.known[energies]
         fresh = EquationsOfMotion(source.changed())
-        motions = (fresh.by_name(fresh.outputs_at(trial.values, t)) for trial in self.trials)
-        worst = _worst(trial.differences(None, one) for trial, one in zip(self.trials, motions, strict=True))
+        trials = (self.trials[0].until(_EARLY), *self.trials)
+        times = (t[: len(next(iter(trial.motion.values())))] for trial in trials)
+        rows = (fresh.outputs_at(one.values, at, most=_MOST) for one, at in zip(trials, times, strict=True))
+        motions = map(fresh.by_name, rows)
+        worst = _worst(trial.differences(None, one) for trial, one in zip(trials, motions, strict=True))
         if energies:
             self.known[energies] = worst
         return worst
 
 
-def _ranked(repairs: list[tuple[Edit, float]], name: str) -> Iterator[tuple[Edit, float]]:
-    """One repair a line, the nearest to what is written; the likeliest line of equations and closed form first."""
-    by_line: dict[int, tuple[Edit, float]] = {}
-    for edit, worst in repairs:
-        by_line.setdefault(edit.line, (edit, worst))
-    sides = [[r for r in by_line.values() if (r[0].method == name) is side] for side in (False, True)]
-    heads = sorted((side[0] for side in sides if side), key=lambda r: r[0].rank)
-    yield from heads
-    yield from (repair for repair in by_line.values() if repair not in heads)
+def _ranked(repairs: Sequence[_Repair], name: str) -> Sequence[_Repair]:
+    """One repair a line: those first with which more of the docstring holds, then the first of each side."""
+    by_line: dict[int, _Repair] = {}
+    for repair in sorted(repairs, key=lambda r: (-sum(r.statements), r.edit.rank)):
+        by_line.setdefault(repair.edit.line, repair)
+    heads = {repair.edit.method == name: repair for repair in reversed(by_line.values())}.values()
+    return sorted(by_line.values(), key=lambda r: (-sum(r.statements), r not in heads, r.edit.rank))
 
 
-def _cause(source: Source, edit: Edit, worst: float, trials: Sequence[Trial]) -> Cause:
+def _cause(source: Source, repair: _Repair, trials: Sequence[Trial]) -> Cause:
+    edit, evidence = repair.edit, list[str]()
     before = max((max(t.differences().values(), default=0.0) for t in trials), default=0.0)
-    size = f"differences fall from {before:.2g} to {worst:.2g} times what rounding allows" if trials else "both agree"
-    evidence = f"with it {size}, at {max(len(trials), 1)} sets of values"
-    return Cause(source.file, edit.line, edit.written, edit.instead, evidence)
+    if before > 1:
+        change = f"differences fall from {before:.2g} to {repair.worst:.2g} times what rounding allows"
+        evidence.append(f"with it {change}, at {len(trials)} sets of values")
+    elif not any(repair.statements):
+        evidence.append("with it the component is accepted, and agrees with its closed form if it has one")
+    if gained := repair.statements.count(1):
+        evidence.append(f"{gained} of the docstring's formulas hold only with it")
+    if lost := repair.statements.count(-1):
+        evidence.append(f"{lost} of the docstring's formulas no longer hold with it")
+    return Cause(source.file, edit.line, edit.written, edit.instead, "; ".join(evidence))
 
 
 def _worst(differences: Iterable[Mapping[str, float]]) -> float:
@@ -247,6 +341,7 @@ def _alike(component: type[Component]) -> Callable[[str], Sequence[str]]:
     units |= {v.name: v.unit for v in component().layout().inputs}
     for declared in getattr(component, "coordinates", ()):
         units[declared.name] = declared.unit
+    units |= {declared.name: "point" for declared in getattr(component, "points", ())}
     starts = {name for name in units if name.endswith("_0")}
 
     def alike(name: str) -> Sequence[str]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator, Sequence
-from itertools import product
+from itertools import combinations, product
 
 from liaisons.language import Component, Parameter
 from liaisons_motion.examination.edits import Edit
+
+_ENERGIES = {"kinetic_energy", "potential_energy", "dissipation_function"}
 
 
 def missing_terms(declared: ast.ClassDef, component: type[Component]) -> Iterator[Edit]:
@@ -24,7 +26,7 @@ def _terms_at(
 ) -> Iterator[Edit]:
     """Further terms of an energy that is returned, of a point's components, and of rates."""
     plain = "" if method.decorator_list else method.name
-    if isinstance(node, ast.Return) and node.value is not None and method.name.endswith("_energy"):
+    if isinstance(node, ast.Return) and node.value is not None and method.name in _ENERGIES:
         for term in _energies(method.name, component, coordinates):
             yield _added((node, "value", None), node.value, term, plain, 2)
     if isinstance(node, ast.Dict) and any(ast.unparse(one).startswith("point") for one in method.decorator_list):
@@ -33,29 +35,35 @@ def _terms_at(
             yield _added((node, "values", index), value, f"{sign} self.{name}", plain, 1)
     for name, child in ast.iter_fields(node):
         if isinstance(child, ast.Call) and ast.unparse(child.func) == "self.dot":
-            for term in _rates(ast.unparse(child), coordinates):
-                yield _added((node, name, None), child, f"+ {term}", plain, 2)
+            for term, sign in product(_rates(ast.unparse(child), coordinates), "+-"):
+                yield _added((node, name, None), child, f"{sign} {term}", plain, 2)
 
 
 def _energies(method: str, component: type[Component], coordinates: dict[str, str]) -> Sequence[str]:
     """Terms of kinetic or potential energy that a mechanism of these declarations may have."""
-    units = {p.name: p.unit for p in vars(component).values() if isinstance(p, Parameter)}
+    declared = {p.name: p.unit for p in vars(component).values() if isinstance(p, Parameter)}
 
     def of(unit: str) -> list[str]:
-        return [f"self.{name}" for name, other in units.items() if other == unit]
+        return [f"self.{name}" for name, other in declared.items() if other == unit]
 
     points = [f"self.{point.name}" for point in getattr(component, "points", ())]
     lengths = [f"self.{name}" for name, unit in coordinates.items() if unit == "m"]
     angles = [f"self.{name}" for name, unit in coordinates.items() if unit == "rad"]
+    kinds = (("m", lengths), ("rad", angles))
     if method == "kinetic_energy":
         terms = [f"+ {m} / 2 * self.speed_squared({p})" for m, p in product(of("kg"), points)]
         terms += [f"+ {m} / 2 * self.dot({x}) ** 2" for m, x in product(of("kg"), lengths)]
         terms += [f"+ {j} / 2 * self.dot({a}) ** 2" for j, a in product(of("kg.m2"), angles)]
-        rolling = product(of("kg.m2"), lengths, of("m"))
-        return [*terms, *(f"+ {j} / 2 * (self.dot({x}) / {r}) ** 2" for j, x, r in rolling)]
+        rolling, turning = product(of("kg.m2"), lengths, of("m")), product(of("kg"), of("m"), angles)
+        terms += [f"+ {j} / 2 * (self.dot({x}) / {r}) ** 2" for j, x, r in rolling]
+        return [*terms, *(f"+ {m} / 2 * ({r} * self.dot({a})) ** 2" for m, r, a in turning)]
+    ways = [(kind, [*names, *(f"({a} - {b})" for a, b in combinations(names, 2))]) for kind, names in kinds]
+    if method == "dissipation_function":
+        units = {"m": "N.s/m", "rad": "N.m.s/rad"}
+        return [f"+ {c} / 2 * self.dot({x}) ** 2" for kind, xs in ways for c, x in product(of(units[kind]), xs)]
     instance = component()
     heights = [*lengths, *(f'{p}["z"]' for p in points if "z" in getattr(instance, p.removeprefix("self.")))]
-    springs = [*product(of("N/m"), lengths), *product(of("N.m/rad"), angles)]
+    springs = [pair for kind, xs in ways for pair in product(of("N/m" if kind == "m" else "N.m/rad"), xs)]
     terms = [f"{s} {m} * {g} * {z}" for m, g, z, s in product(of("kg"), of("m/s2"), heights, "+-")]
     return [*terms, *(f"+ {k} / 2 * {x} ** 2" for k, x in springs)]
 

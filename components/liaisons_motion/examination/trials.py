@@ -43,18 +43,27 @@ class Trial:
         solution = self.solution if solution is None else solution
         motion, ratios = self.motion if motion is None else motion, dict[str, float]()
         for name, exact in solution.items():
-            size = max(float(np.max(np.abs(exact))), float(self.sizes[name]), 1e-3)
+            size = max(float(np.max(np.abs(exact), initial=0.0, where=np.isfinite(exact))), self.sizes[name], 1e-3)
             bounds = np.maximum.accumulate(self.bounds[name])
             certain = bounds < _UNCERTAIN * size
             if np.count_nonzero(certain) >= _FEWEST:
-                allowed = 1e-8 * size + 10 * bounds[certain]
-                ratios[name] = float(np.max(np.abs(motion[name] - exact)[certain] / allowed))
+                with np.errstate(all="ignore"):
+                    errors = np.abs(motion[name] - exact)[certain] / (1e-8 * size + 10 * bounds[certain])
+                ratios[name] = float(np.max(np.nan_to_num(errors, nan=np.inf)))
         return ratios
+
+    def until(self, count: int) -> Trial:
+        """The same trial at its first times."""
+        parts = (self.solution, self.motion, self.bounds)
+        return Trial(self.values, *({name: row[:count] for name, row in part.items()} for part in parts))
 
     @cached_property
     def sizes(self) -> Mapping[str, float]:
         """Largest value of each output while the motion is certain."""
-        return {name: float(np.max(np.abs(values), initial=0.0)) for name, values in self.motion.items()}
+        return {
+            name: float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+            for name, values in self.motion.items()
+        }
 
 
 def times_of(equations: EquationsOfMotion) -> NDArray:
