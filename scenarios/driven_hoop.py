@@ -8,11 +8,25 @@ from __future__ import annotations
 
 from liaisons import operator, simulate
 from liaisons.models import CircularHoop
-from liaisons.scenarios import Claims, dots, panels, scenario, within
+from liaisons.scenarios import Claims, Lesson, dots, panels, scenario, within
 
 RATE = 2.0  # rad/s
 TOLERANCE = 1e-10
 BOUNDS = {"xi": 1e-7, "xi_dot": 1e-7, "normal_force": 1e-6, "beta_force": 1e-6, "beta_power": 1e-6}
+
+
+def lesson() -> Lesson:
+    return Lesson(
+        "CircularHoop",
+        question="A hoop is turned evenly about a point that is not its centre: what does the bead on it do?",
+        predict="Does it come to rest, run round evenly, or swing; and about which point of the hoop?",
+        try_out="Change the rate at which the hoop turns, then where the bead begins.",
+        answer="It swings like a pendulum about the point farthest from the axis, ψ'' = -(d/R) β'² sin ψ: the faster "
+        "the hoop, the faster the swing, in proportion.  There is no gravity.",
+        controls=["beta", "xi_0"],
+        plots=["xi", "beta_force"],
+        start_values={"xi_0": 2.5, "xi_dot_0": 0.0, "beta": operator("Ramp", rate=RATE)},
+    )
 
 
 @scenario

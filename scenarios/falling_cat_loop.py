@@ -15,7 +15,7 @@ from scipy.integrate import quad
 
 from liaisons import Result, operator, simulate
 from liaisons.models import PlanarCat
-from liaisons.scenarios import Claims, panels, scenario, within
+from liaisons.scenarios import Claims, Lesson, panels, scenario, within
 
 MASSES = {"mass_0": 2.0, "mass_1": 1.0, "mass_2": 1.0, "inertia_0": 0.05, "inertia_1": 0.02, "inertia_2": 0.02}
 CAT: Any = {"hinge": 0.2, "arm_1": 0.25, "arm_2": 0.25, **MASSES}
@@ -36,6 +36,26 @@ def fall(phase: float, steps: int) -> Result:
     }
     start: Any = {"phi_0": 0.0, "phi_dot_0": turn_rate(0.0, phase), "com_z_0": 0.0, "com_z_dot_0": 0.0}
     return simulate("PlanarCat", stop_time=FALL, step_size=FALL / steps, tolerance=1e-12, **CAT, **start, **limbs)
+
+
+def lesson() -> Lesson:
+    return Lesson(
+        "PlanarCat",
+        question="A cat falls without spin: can it turn by moving its limbs, and come back to its first shape turned?",
+        predict="Its angular momentum stays 0.  Does the trunk end where it began after each round of the limbs?",
+        try_out="Both limbs swing, a quarter of a period apart.  Then hold the first: psi_1 by hand, and Reset.",
+        answer="It turns with each round, by the same angle at any speed: -∮ (J_1 dψ_1 + J_2 dψ_2)/I, an area in the "
+        "space of shapes.  With one limb alone the path is retraced, encloses no area, and turns it by nothing.",
+        controls=["psi_1", "psi_2"],
+        plots=["phi"],
+        start_values={
+            **CAT,
+            "gravity": 0.0,  # as seen by one who falls with it
+            "phi_dot_0": PlanarCat.turn_rate(np.pi / 2 + 1, -np.pi / 2, 0.0, W, **CAT),
+            "psi_1": operator("Sinusoid", offset=np.pi / 2, angular_frequency=W, phase=np.pi / 2),
+            "psi_2": operator("Sinusoid", offset=-np.pi / 2, angular_frequency=W),
+        },
+    )
 
 
 @scenario

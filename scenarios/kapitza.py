@@ -14,7 +14,7 @@ import numpy as np
 
 from liaisons import Result, operator, simulate
 from liaisons.models import Pendulum
-from liaisons.scenarios import Claims, panels, scenario, within
+from liaisons.scenarios import Claims, Lesson, panels, scenario, within
 
 AMPLITUDE, TOLERANCE = 0.1, 1e-12  # l = 1 m
 NEAR = 1e-4  # start beside the upright position; what is not linear is of relative size NEAR²
@@ -41,6 +41,20 @@ def trace_of_fmu(frequency: float) -> float:
 def trace_of_mathieu(frequency: float) -> float:
     """About the bob that stands on its pivot: weight upwards."""
     return Pendulum.shaken_trace(gravity=-9.81, amplitude=AMPLITUDE, angular_frequency=frequency)
+
+
+def lesson() -> Lesson:
+    return Lesson(
+        "Pendulum",
+        question="How fast must the pivot be shaken, by 10 cm, so that the pendulum stands upright on it?",
+        predict="At which angular frequency ν does it begin to stand: 6, 45 or 300 rad/s?",
+        try_out="It stands at ν = 60 rad/s.  Lower the angular frequency until it falls; Reset begins anew.",
+        answer="It stands where a²ν² > 2gl, from 44.3 rad/s on: shaking adds a potential ¼ m a²ν² sin² θ, whose well "
+        "about the top is then stronger than the weight.",
+        controls=["pivot_z", "theta_0"],
+        plots=["theta"],
+        start_values={"theta_0": np.pi - 0.2, "pivot_z": operator("Sinusoid", amplitude=0.1, angular_frequency=60.0)},
+    )
 
 
 @scenario

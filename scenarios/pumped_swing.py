@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons import Result, operator, simulate
 from liaisons.models import Pendulum
-from liaisons.scenarios import Claims, dots, panels, scenario, within
+from liaisons.scenarios import Claims, Lesson, dots, panels, scenario, within
 
 OMEGA, DEPTH, TOLERANCE = np.sqrt(9.81), 0.1, 1e-11
 
@@ -19,6 +19,23 @@ OMEGA, DEPTH, TOLERANCE = np.sqrt(9.81), 0.1, 1e-11
 def pumped(theta_0: float) -> Result:
     length = operator("Sinusoid", offset=1.0, amplitude=DEPTH, angular_frequency=2 * OMEGA)
     return simulate("Pendulum", stop_time=20.0, step_size=0.02, tolerance=TOLERANCE, theta_0=theta_0, length=length)
+
+
+def lesson() -> Lesson:
+    return Lesson(
+        "Pendulum",
+        question="How often must a swing be made longer and shorter so that it swings higher and higher?",
+        predict="Once a period, twice a period, or however often one likes?",
+        try_out="It is pumped twice a period, at 6.26 rad/s.  Try 3.13 and 4.5 rad/s; then pump by hand.",
+        answer="Twice a period, longer at the ends and shorter below: it grows like exp(¾ ε Ω_0 t), with ε = 0.1 and "
+        "Ω_0 = 3.13 rad/s.  Below he pulls against weight and centrifugal force; less is lost at the ends.",
+        controls=["length", "theta_0"],
+        plots=["theta"],
+        start_values={
+            "theta_0": 0.05,
+            "length": operator("Sinusoid", offset=1.0, amplitude=DEPTH, angular_frequency=2 * OMEGA),
+        },
+    )
 
 
 @scenario

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from liaisons import operator, simulate
 from liaisons.models import Oscillator
-from liaisons.scenarios import Claims, panels, scenario, within
+from liaisons.scenarios import Claims, Lesson, panels, scenario, within
 
 FREQUENCIES = np.linspace(0.2, 3.0, 15)
 # The slowest transient, γ = ½, decays like exp(-t/4), over-damped γ = 4 like exp(-0.268 t): below 1e-9 at 85 s.
@@ -34,6 +34,20 @@ def response(damping: float, frequencies: Iterable[float]) -> NDArray:
         (cosine, sine), *_ = np.linalg.lstsq(np.column_stack([np.real(turns), np.imag(turns)]), run["x"][last])
         found.append(complex(cosine, -sine))
     return np.array(found)
+
+
+def lesson() -> Lesson:
+    return Lesson(
+        "Oscillator",
+        question="At which frequency of the drive does a damped oscillator answer with the largest amplitude?",
+        predict="At its own frequency ω_0 = 1 rad/s, below it, or above?",
+        try_out="Move the angular frequency of the support and wait until the motion has settled; then the damping.",
+        answer="Below: at √(ω_0² - γ²/2), 0.935 rad/s for γ = 0.5; and nowhere if γ > √2 ω_0.  The amplitude follows K "
+        "eq. 121, and the phase is -90° at ω_0 itself, whatever the damping.",
+        controls=["support", "damping"],
+        plots=["x", "support"],
+        start_values={"damping": 0.5, "support": operator("Sinusoid", angular_frequency=0.6)},
+    )
 
 
 @scenario

@@ -76,6 +76,9 @@ def show(
     *further: Target,
     path: Path | str | None = None,
     start_values: Mapping[str, object] | None = None,
+    controls: str | Iterable[str] | None = None,
+    plots: str | Iterable[str] | None = None,
+    question: str = "",
     **keywords: object,
 ) -> LivePage:
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
@@ -85,10 +88,14 @@ def show(
     :param further: components to be shown beside it, ``show("Pendulum", "DoublePendulum")``; and, last, the path.
     :param path: of the page; default: ``NAME.html`` in the working directory.
     :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
-        ``keywords`` are further ones.  A system has its own.
+        ``keywords`` are further ones, operators among them.  A system has its own.
+    :param controls: parameters, inputs and prescribed coordinates that can be changed; None: all.
+    :param plots: at most four signals that are plotted, none by ``[]``; None: angles, with a choice of all.
+    :param question: what stands above the picture.
     :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
-    :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
+    :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written; for a
+        name in ``controls`` or ``plots`` that the page has not.
     :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
     """
     *subjects, last = subject, *further
@@ -102,19 +109,20 @@ def show(
         None if path is None else as_path("show: path", path),
         merged_start_values("show", start_values, keywords),
     )
+    contents: Any = {"controls": controls, "plots": plots, "question": question}
     if (
         starts
         or isinstance(target, Path)
         or not (two_way := [c for c in target.connections if c.is_reaction or c.is_impulse])
     ):
-        return liaisons.live.write_live_page(target, page, starts)
+        return liaisons.live.write_live_page(target, page, starts, **contents)
     with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
         try:
             whole = _flatten(target, folder)
         except SimulationError as error:
             words = f"show: {target.name}: a force goes back by {two_way[0]}, so that its page is one FMU, by flatten()"
             raise SimulationError(f"{words}: {error}") from error
-        return liaisons.live.write_live_page(whole, page or liaisons.live.default_page_path(target), {})
+        return liaisons.live.write_live_page(whole, page or liaisons.live.default_page_path(target), {}, **contents)
 
 
 def _unconnected_system(subjects: list[Path | System]) -> System:

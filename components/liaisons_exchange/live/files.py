@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from liaisons.base.files import replacement_path
 from liaisons.cosim import System
@@ -44,16 +44,19 @@ def default_page_path(subject: Path | System) -> Path:
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
 
 
-def write_live_page(subject: Path | System, path: Path | None, starts: Mapping[str, object]) -> LivePage:
+def write_live_page(
+    subject: Path | System, path: Path | None, starts: Mapping[str, object], **contents: Any
+) -> LivePage:
     """Write the live page of an FMU or of a system; raise the errors of :func:`liaisons.show`.
 
     :param path: of the page; None: :func:`default_page_path`.
     :param starts: of an FMU; a system has its own.
+    :param contents: controls, plots and question of :func:`live_page`.
     """
     if isinstance(subject, System) and starts:
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
     target = path or default_page_path(subject)
-    content = live_page(subject, starts)
+    content = live_page(subject, starts, **contents)
     with replacement_path(target) as whole:
         whole.write_bytes(content)
     return LivePage(target)

@@ -6,7 +6,7 @@ import base64
 import gzip
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from liaisons.base.archive import START_VALUES, Archive, file_identity
+from liaisons.base.arguments import name_list
 from liaisons.base.array_names import array_and_index
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
-from liaisons.cosim import Port, System, SystemComponent, SystemDocument, read_description
-from liaisons.errors import SimulationError
+from liaisons.cosim import OperatorFmu, Port, System, SystemComponent, SystemDocument, read_description
+from liaisons.errors import SimulationError, suggestion
 from liaisons.results import Picture, combined_pictures
+from liaisons_exchange.live.motions import with_page_motions
 from liaisons_pages.pictures import inlined_page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
@@ -31,20 +33,38 @@ _MOST_READ = 400  # elements of arrays read in each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
 _FRAMES = 60  # a second
 _LONGEST = 20.0  # [s] that a default experiment takes on the page
+_MOST_PLOTS = 4  # colours in plot.js
 _INTERPOLATE = 2
 
 
-def live_page(subject: Path | System, starts: Mapping[str, object] | None = None) -> bytes:
+def live_page(
+    subject: Path | System,
+    starts: Mapping[str, object] | None = None,
+    *,
+    controls: Iterable[str] | None = None,
+    plots: Iterable[str] | None = None,
+    question: str = "",
+) -> bytes:
     """Return the HTML of the page of an FMU or of a system: sliders, picture, plot, energy account.
 
-    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
-    :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
+    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own, or operators.
+    :param controls: names of those that can be changed on the page; None: all.
+    :param plots: names of at most four signals that are plotted; None: angles, with a choice of all.
+    :param question: above the picture.
+    :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0; for a name that the page has not.
     :raises BuildError: if there is no compiler for WebAssembly, or it fails.
     """
+    moves: dict[tuple[str, str], Any] = {}
     if isinstance(subject, System):
         document, title, text = subject.document.filled(), subject.name, ""
     else:
-        document, root = SystemDocument.of_fmu(subject, starts), read_description(subject).root
+        operators = {name: value for name, value in (starts or {}).items() if isinstance(value, OperatorFmu)}
+        own = {name: value for name, value in (starts or {}).items() if name not in operators}
+        document, root = SystemDocument.of_fmu(subject, own), read_description(subject).root
+        if operators:
+            system = System.from_document(document)
+            system.prescribe(document.name, operators)
+            document, moves = with_page_motions(system.document.as_single())
         title, text = root["modelName"], root.get("description", "")
     for part in document.parts.values():
         part.fmu.require_file("a live page")
@@ -54,6 +74,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
     components = [
         _component_data(prefix, part, paths, feeds, ordered[:i], picture=scene.pictures[prefix])
+        | {"moves": {name: motion for (owner, name), motion in moves.items() if owner == part.name}}
         for i, (prefix, part) in enumerate(scene.parts.items())
     ]
     index_of = {name: i for i, name in enumerate(parts)}
@@ -64,6 +85,11 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
+    signals = [
+        name
+        for component, part in zip(components, parts.values(), strict=True)
+        for name in _default_signals(component, part)
+    ]
     plan = {
         "components": components,
         "connections": [
@@ -76,13 +102,31 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
         "speed": speed,
         "plane": combined_pictures(scene.pictures).plane,
-        "signals": [
-            name
-            for component, part in zip(components, parts.values(), strict=True)
-            for name in _default_signals(component, part)
-        ],
+        "signals": signals if plots is None else _checked_names("plots", plots, components, "read", _MOST_PLOTS),
+        "asked": plots is not None,
+        "controls": None if controls is None else _checked_names("controls", controls, components, "set"),
+        "question": question,
     }
     return inlined_page("page.html", _MODULES, title or "", text, plan)
+
+
+def _checked_names(
+    label: str, names: Iterable[str], components: Iterable[Mapping[str, Any]], kind: str, most: int | None = None
+) -> list[str]:
+    """Names as a list; raise a SimulationError for one that no variable of this kind has, or for too many."""
+    known = [
+        component["prefix"] + v["name"]
+        for component in components
+        for v in component["variables"]
+        if v.get(kind) and not v.get("drawn")
+    ]
+    chosen = list(dict.fromkeys(name_list(f"show: {label}", names)))
+    for name in chosen:
+        if name not in known:
+            raise SimulationError(f"show: {label}: the page has no {name!r}{suggestion(name, known)}")
+    if most is not None and len(chosen) > most:
+        raise SimulationError(f"show: {label}: {len(chosen)} signals; give at most {most}")
+    return chosen
 
 
 @lru_cache(maxsize=64)
@@ -171,7 +215,9 @@ def _variable_data(
     start_value = starts.get(name, v.get("start"))
     start = float(str(start_value)) if causality in {"parameter", "input"} and start_value is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
-    settable = start is not None and few and not hidden and Port(part, name).force != name
+    terminal, shown = Port(part, name).terminal, base.removesuffix("_0")
+    impulse = terminal is not None and terminal.impulse == name
+    settable = start is not None and few and not hidden and Port(part, name).force != name and not impulse
     entry = {
         "name": name,
         "reference": int(v["valueReference"]),
@@ -187,7 +233,9 @@ def _variable_data(
             "description": v.get("description"),
             "minimum": float(v["min"]) if "min" in v else None,
             "maximum": float(v["max"]) if "max" in v else None,
-            "initial": causality == "parameter" and base.endswith("_0"),
+            "initial": causality == "parameter"
+            and shown != base
+            and (shown in part.fmu.variables or shown in part.fmu.arrays),
             "tunable": causality == "input" or v.get("variability") == "tunable",
         }
     return {name: value for name, value in entry.items() if value is not None and value is not False}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import html
 import json
@@ -28,10 +29,10 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
     floor = {"thickness": THICKNESS, "teeth": TEETH}
     shared = {"sizes": SIZES, "coils": COILS, "facing": FACING, "light": LIGHT, "floor": floor, "flash": FLASH}
     constants = f"const DRAWING = {json.dumps(shared)};"
-    sources = [(folder / name).read_text(encoding="utf-8") for name in modules]
-    script = "\n".join([constants, *map(_as_script, sources)])
+    unpack, *sources = [_as_script((folder / name).read_text(encoding="utf-8")) for name in ("unpack.js", *modules)]
+    script = "\n".join([constants, *sources])
     policy = (
-        f"default-src 'none'; script-src '{_policy_hash(script)}' 'wasm-unsafe-eval'; "
+        f"default-src 'none'; script-src '{_policy_hash(unpack)}' '{_policy_hash(script)}' 'wasm-unsafe-eval'; "
         f"style-src '{_policy_hash(style)}'; img-src data:; base-uri 'none'; form-action 'none'"
     )
     contents = {
@@ -39,7 +40,8 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
         "description": html.escape(description),
         "policy": policy,
         "style": style,
-        "script": script,
+        "packed": base64.b64encode(gzip.compress(script.encode(), 9, mtime=0)).decode(),
+        "unpack": unpack,
         "plan": json.dumps(plan, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
     }
     body = (folder / template).read_text(encoding="utf-8").rstrip()

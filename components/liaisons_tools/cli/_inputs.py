@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Triple = tuple[float, float, float]
 """Value, rate, acceleration."""
 
+_MOST_KNOTS, _KNOT_ERROR = 2000, 1e-9  # of a function that is tabulated; relative, between the knots
 _ROUNDING = 1e-9  # of the span of a table: by so much it may miss start or stop
 
 
@@ -82,6 +83,29 @@ def span_of_tables(inputs: Iterable[str]) -> tuple[float, float] | None:
     tables = [read_table(Path(text), SimulationError).named({}) for text in inputs if isfile(text)]  # noqa: PTH113
     times = [table.times() for table in tables if table.clock and table.rows]
     return (max(t[0] for t in times), min(t[-1] for t in times)) if times else None
+
+
+def tabulated_inputs(functions: Mapping[str, Signal], start: float, stop: float) -> dict[str, OperatorFmu] | None:
+    """Operators that follow functions of time by knots; None if one jumps, or is of no prescribed coordinate.
+
+    :param functions: by the names of inputs.
+    :param start: first instant [s], ``stop`` the last one.
+    """
+    operators: dict[str, OperatorFmu] = {}
+    for name, signal in functions.items():
+        if signal.breaks or np.size(signal(start)) < 3:
+            return None
+        count = 33
+        while True:
+            fine = np.linspace(start, stop, 2 * count - 1)  # knots, and what lies between them
+            rows = np.array([signal(float(t)) for t in fine])
+            table = np.column_stack([fine, rows])[::2].T
+            missed = np.max(np.abs(piecewise_polynomial(table)(fine) - rows[:, 0]))
+            if missed <= _KNOT_ERROR * np.ptp(rows[:, 0]) or count > _MOST_KNOTS:
+                break
+            count = 2 * count - 1
+        operators[name] = tabulated(*table)
+    return operators
 
 
 def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Signal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from liaisons.base.project import ProjectError
 from liaisons_tools.cli._command import (
@@ -100,9 +100,13 @@ def animate(
     liaisons show robot.urdf --prescribe shoulder,elbow
     liaisons show system.ssp
     liaisons show Pendulum --input "length=1 + 0.1*sin(6*t)"
+    liaisons show Pendulum --controls length,theta_0 --plots theta --question "When does it swing higher?"
+    liaisons show kapitza
 """)
 def show(
-    fmus: Annotated[list[str], subject_argument(_WHAT, "files or components; several side by side")],
+    fmus: Annotated[
+        list[str], subject_argument(f"{_WHAT}|SCENARIO", "files or components, several side by side; or a lesson")
+    ],
     *,
     output: Annotated[
         Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
@@ -116,15 +120,21 @@ def show(
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
+    controls: Annotated[str | None, option("NAME,...", "only these can be changed")] = None,
+    plots: Annotated[str | None, option("NAME,...", "plot these")] = None,
+    question: Annotated[str, option("TEXT", "stands above the picture")] = "",
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
 
-    With --input, or without the compiler for WebAssembly, a page with the recorded motion.
+    Without the compiler for WebAssembly, or if --input moves forces or jumps, a page with the recorded motion.
     """
     from liaisons import show
     from liaisons.base.compiler import INSTALLATION, zig_compiler
+    from liaisons.library import catalogue
     from liaisons_exchange.live import default_page_path
+    from liaisons_tools.cli._inputs import tabulated_inputs
     from liaisons_tools.cli._subject import requested_simulation, resolved_subject
+    from liaisons_tools.scenarios import lesson, names
 
     fmu, *others = add_robot_options(
         fmus, prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
@@ -132,14 +142,28 @@ def show(
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
-    shown, rest = resolved_subject(fmu, starts)
-    if others or (live and not inputs):
-        page = show(shown, *others, path=output, start_values=rest).path
+    contents: dict[str, Any] = {
+        "controls": None if controls is None else controls.split(","),
+        "plots": None if plots is None else plots.split(","),
+        "question": question,
+    }
+    if fmu in names() and fmu not in catalogue() and not (others or inputs):
+        page = lesson(fmu).show(output or f"{fmu}.html").path
     else:
-        page = output or default_page_path(shown)
-        requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join).run().animate(page)
-        cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
-        remark = f", a recorded motion{cure}"
+        shown, rest = resolved_subject(fmu, starts)
+        moves: dict[str, Any] | None = {}
+        if inputs:
+            asked = requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
+            span = asked.settings["start_time"], asked.settings["stop_time"]
+            moves = tabulated_inputs(asked.settings["inputs"], *span) if live and asked.fmu else None
+            rest = {**(asked.start_values or {}), **(moves or {})}
+        if (live or others) and moves is not None:
+            page = show(shown, *others, path=output, start_values=rest, **contents).path
+        else:
+            page = output or default_page_path(shown)
+            requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join).run().animate(page)
+            cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
+            remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")
     if launch:
         webbrowser.open(page.resolve().as_uri())

@@ -27,21 +27,27 @@ same.  The first paragraph of the file's docstring is what the scenario claims a
   Legends are put below the panels and the figure is saved when ``main`` is done.
 * ``dots(axis, x, y, label=...)``: what the curve has to pass through.
 * ``simulate("Pendulum", length=operator("Sinusoid", amplitude=0.1))``: an operator as the value of a coordinate.
+* ``def lesson() -> Lesson``, before ``main``: question, live page and answer, for ``liaisons show NAME`` and
+  the site.
 * ``crossings(time, signal, rate)``, ``frequencies(cosines, step)``, ``slope``: what is read off a motion.
 """
 
 from liaisons.check import slope, table
 from liaisons_tools.scenarios.claims import Bound, Claims, within
 from liaisons_tools.scenarios.drawing import dots, panels
+from liaisons_tools.scenarios.lesson import Lesson, lesson, lessons
 from liaisons_tools.scenarios.running import Outcome, Scenario, execute, load, names, report, scenario
 
 __all__ = [
     "Bound",
     "Claims",
+    "Lesson",
     "Outcome",
     "Scenario",
     "dots",
     "execute",
+    "lesson",
+    "lessons",
     "load",
     "names",
     "panels",

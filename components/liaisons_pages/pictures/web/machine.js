@@ -10,6 +10,7 @@ export class Machine {
   /** @param {object} plan  the page's data: components in the order in which they are stepped, connections, step size */
   constructor(plan, modules) {
     this.plan = plan;
+    this.divide = 1; // steps into so many, each when the one before is done: samples stay communication points
     this.parts = plan.components.map((component) => this.#part(component, modules[component.module]));
     this.wires = plan.connections.map(([source, from, target, to, factor, offset]) => ({
       source: this.parts[source], from, target: this.parts[target], to, factor, offset,
@@ -30,6 +31,8 @@ export class Machine {
   restart() {
     this.time = 0;
     this.steps = 0;
+    this.part = 0; // parts of the next step that are done
+    this.divided = 1; // into so many
     this.broken = "";
     this.again = false;
     try {
@@ -42,9 +45,15 @@ export class Machine {
     return !this.broken;
   }
 
+  /** Of a communication step [s]. */
+  get size() {
+    return this.plan.step_size / this.divided;
+  }
+
   /** One communication step; false if it was refused, `broken` says why. */
   step() {
-    const { step_size: size } = this.plan;
+    if (this.part === 0) this.divided = this.divide;
+    const { size } = this;
     let stepped = 0;
     try {
       for (const part of this.parts) {
@@ -65,8 +74,9 @@ export class Machine {
       this.again = refusal.again && stepped === 0;
       return false;
     }
-    this.steps += 1;
-    this.time = this.steps * size;
+    this.part += 1;
+    if (this.part === this.divided) Object.assign(this, { steps: this.steps + 1, part: 0 });
+    this.time = (this.steps + this.part / this.divided) * this.plan.step_size;
     return true;
   }
 
@@ -101,7 +111,7 @@ export class Machine {
     for (const [reference, value] of Object.entries(part.settings)) part.fmu.setInteger(Number(reference), value);
     for (const members of part.free) {
       const [name] = members, source = part.sources.get(name);
-      if (source && !(source instanceof Hand)) Object.assign(source, { time: 0, value: part.starts.get(name) });
+      if (source && !(source instanceof Hand)) source.begin(part.starts.get(name), 0);
       else part.sources.set(name, new Hand(part.starts.get(name)));
       const triple = part.sources.get(name).at(0);
       part.fmu.set(members.map((member) => part.reference[member]), triple.slice(0, members.length));

@@ -4,10 +4,11 @@ import { compile } from "./fmu.js";
 import { Machine } from "./machine.js";
 import { palette, shapesOf, sideBySide, View } from "./picture.js";
 import { colourOf, MOST, plot, short } from "./plot.js";
-import { Hand, Operator, presets } from "./sources.js";
+import { Hand, Operator, presets, Table } from "./sources.js";
 
 const BUDGET = 4; // ms of stepping a frame
-const KEPT = 900; // frames in the plot
+const KEPT = 900; // steps in the plot, or four times as many if they are divided
+const SHORTEST = 0.8; // s on the clock that one period of what is shaken takes
 const $ = (id) => document.getElementById(id);
 
 function make(tag, properties = {}, ...children) {
@@ -20,7 +21,7 @@ function make(tag, properties = {}, ...children) {
 
 /** Where a slider for a variable goes from and to. */
 function range({ start, minimum, maximum, unit }) {
-  const span = start ? 2 * Math.abs(start) : unit === "rad" ? Math.PI : 1;
+  const span = Math.max(2 * Math.abs(start), unit === "rad" ? Math.PI : 0) || 1;
   const low = minimum === undefined ? start - span : Math.max(minimum, start - span);
   return [low === minimum && start > 0 ? Math.max(low, start / 10) : low, Math.min(maximum ?? Infinity, start + span)];
 }
@@ -36,6 +37,7 @@ class Page {
     this.view = new View($("picture"), this.groups.flatMap((group) => group.shapes), plan.plane);
     this.view.changed = () => this.paint();
     this.speed = plan.speed;
+    this.paced = false; // by the one who looks
     this.running = false;
     this.chosen = plan.signals.slice(0, MOST);
     this.over = ""; // the signal on the horizontal axis; time
@@ -44,10 +46,16 @@ class Page {
       this.colours = palette();
       this.paint();
     });
+    $("question").textContent = plan.question;
+    $("question").hidden = !plan.question;
+    for (const id of ["signals", "plot"]) $(id).hidden = plan.signals.length === 0;
     this.#buttons();
     this.#controls();
     this.#choices();
     this.reset();
+    this.unknown = this.#follow(new URLSearchParams(location.hash.slice(1)));
+    this.#tell();
+    addEventListener("hashchange", () => location.reload());
     requestAnimationFrame((now) => this.#frame(now));
   }
 
@@ -68,6 +76,7 @@ class Page {
   toggle(running = !this.running) {
     if (running && this.machine.broken && !this.machine.again) this.reset();
     else this.machine.broken = "";
+    this.unknown = "";
     this.running = running && !this.machine.broken;
     this.#tell();
   }
@@ -86,9 +95,10 @@ class Page {
     return false;
   }
 
-  /** So many steps at once; for tests. */
+  /** So many steps of the plan at once; for tests. */
   run(count) {
-    for (let k = 0; k < count && this.step(); k += 1);
+    const { machine } = this, last = machine.steps + count;
+    while (machine.steps < last && this.step());
     this.paint();
     return Object.fromEntries(this.machine.signals.map((name, i) => [name, this.now[i]]));
   }
@@ -110,9 +120,8 @@ class Page {
     if (this.running) {
       const begin = performance.now();
       this.owed += past * this.speed;
-      const { step_size: size } = this.plan;
-      while (this.owed >= size && this.running) {
-        this.owed -= size;
+      while (this.owed >= this.machine.size && this.running) {
+        this.owed -= this.machine.size;
         this.step();
         if (performance.now() - begin > BUDGET) this.owed = 0; // slower than time; no worse
       }
@@ -126,7 +135,7 @@ class Page {
     this.now = this.machine.values();
     this.times.push(this.machine.time);
     this.history.push(this.now);
-    if (this.times.length > KEPT) {
+    while (this.times.length > KEPT * Math.min(this.machine.divided, 4)) {
       this.times.shift();
       this.history.shift();
     }
@@ -135,7 +144,7 @@ class Page {
 
   #tell() {
     const text = this.machine.broken.replace(/[^.!?]$/, "$&.");
-    $("said").textContent = text && (this.machine.again ? `${text} The step was refused; the motion can go on.` : `${text} Reset to begin anew.`);
+    $("said").textContent = this.unknown || text && (this.machine.again ? `${text} The step was refused; the motion can go on.` : `${text} Reset to begin anew.`);
     $("run").textContent = this.running ? "Pause" : "Start";
     $("run").setAttribute("aria-pressed", String(this.running));
   }
@@ -176,12 +185,12 @@ class Page {
     $("run").onclick = () => this.toggle();
     $("step").onclick = () => { this.toggle(false); this.step(); this.paint(); };
     $("reset").onclick = () => { this.running = false; this.reset(); };
-    $("speed").value = Math.log2(this.speed / this.plan.speed);
+    $("link").onclick = () => this.#share();
     $("speed").oninput = () => {
-      this.speed = this.plan.speed * 2 ** Number($("speed").value);
-      $("speed-shown").textContent = `${short(this.speed)} ×`;
+      this.paced = true;
+      this.#pace(this.plan.speed * 2 ** Number($("speed").value));
     };
-    $("speed").oninput();
+    this.#pace(this.speed);
     addEventListener("keydown", (event) => {
       const taken = event.key === " " ? "input[type=number], select, button" : "input[type=number], select";
       if (event.target.matches(taken) || event.ctrlKey || event.metaKey) return;
@@ -193,18 +202,105 @@ class Page {
     });
   }
 
+  /** Seconds of motion a second; steps are as short as frames need. */
+  #pace(speed) {
+    this.speed = speed;
+    this.machine.divide = Math.max(1, Math.ceil(this.plan.speed / speed - 1e-9));
+    $("speed").value = Math.log2(speed / this.plan.speed);
+    $("speed-shown").textContent = speed < 1 ? `slowed ${short(1 / speed)} ×` : speed > 1 ? `${short(speed)} × as fast` : "real time";
+  }
+
+  /** Slow enough for the eye, unless the one who looks has chosen. */
+  #slow() {
+    if (this.paced) return;
+    const periods = this.machine.parts.flatMap((part) => [...part.sources.values()].map((source) => source.period ?? Infinity));
+    const times = SHORTEST / (Math.min(...periods) / this.plan.speed);
+    if (times <= 1) return this.#pace(this.plan.speed);
+    const power = 10 ** Math.floor(Math.log10(times));
+    this.#pace(this.plan.speed / (power * [1, 2, 5, 10].find((digit) => digit * power >= times)));
+  }
+
+  /** The address of this page with what has been chosen on it. */
+  link() {
+    const { plan, machine } = this, chosen = new URLSearchParams();
+    for (const part of machine.parts) {
+      for (const [name, value] of part.starts) if (value !== part.given.get(name)) chosen.set(part.prefix + name, value);
+      for (const [name, source] of part.sources) {
+        if (source instanceof Hand) {
+          if (source.aim !== part.given.get(name)) chosen.set(part.prefix + name, source.aim);
+          if (part.moves?.[name]) chosen.set(`${part.prefix + name}.by`, "by hand");
+        } else {
+          chosen.set(`${part.prefix + name}.by`, source.name);
+          for (const [key, number] of Object.entries(source.parameters)) chosen.set(`${part.prefix + name}.${key}`, number);
+        }
+      }
+    }
+    if (this.paced) chosen.set("speed", this.speed);
+    if (String(this.chosen) !== String(plan.signals.slice(0, MOST))) chosen.set("plots", this.chosen);
+    if (this.over) chosen.set("over", this.over);
+    return `${location.href.split("#")[0]}#${chosen}`;
+  }
+
+  async #share() {
+    const address = this.link();
+    try {
+      history.replaceState(null, "", address);
+      await navigator.clipboard.writeText(address);
+      $("link").textContent = "Copied";
+    } catch {
+      $("link").textContent = "In the address bar";
+    }
+    setTimeout(() => { $("link").textContent = "Copy link"; }, 2000);
+  }
+
+  /** Choose what a link says; returns what it says that this page has not. */
+  #follow(chosen) {
+    const unknown = [];
+    for (const [key, text] of chosen) {
+      const number = Number(text), owner = key.slice(0, key.lastIndexOf(".")), last = key.slice(owner.length + 1);
+      const find = (name) => this.machine.parts.map((part) => [part, part.variables.find((v) => part.prefix + v.name === name)]).find(([, v]) => v);
+      const choice = document.querySelector(`[data-preset="${CSS.escape(owner)}"]`), known = (name) => this.machine.told.includes(name);
+      const [part, variable] = find(key) ?? [];
+      if (key === "run") this.toggle(true);
+      else if (key === "speed" && number > 0) {
+        this.paced = true;
+        this.#pace(number);
+      } else if (key === "plots" && text.split(",").every((name) => !name || known(name))) this.chosen = text.split(",").filter(Boolean).slice(0, MOST);
+      else if (key === "over" && known(text)) document.querySelector("[data-over]").value = this.over = text;
+      else if (variable?.start !== undefined && text && Number.isFinite(number)) {
+        this.#show(key, number);
+        if (part.sources.has(variable.name)) this.#move(part, variable.name, number);
+        else this.#set(part, variable, number);
+      } else if (last === "by" && [...(choice?.options ?? [])].some(({ value }) => value === text)) {
+        choice.value = text;
+        choice.onchange();
+      } else {
+        const field = choice?.parentElement.querySelector(`[title="${CSS.escape(last)}"]`);
+        if (field && text && Number.isFinite(number)) {
+          field.value = text;
+          field.onchange();
+        } else unknown.push(`${key}=${text}`);
+      }
+    }
+    if (chosen.has("plots")) this.#choices();
+    return unknown.length ? `The link says ${unknown.join(", ")}, which is not on this page.` : "";
+  }
+
   #controls() {
+    const rows = new Map(), add = (id, name, ...elements) => rows.set(name, () => $(id).append(...elements));
     for (const part of this.machine.parts) {
+      part.given = new Map(part.starts);
       const prescribed = new Set(part.free.flat());
       for (const variable of part.variables) {
         const name = part.prefix + variable.name;
         if (part.free.some(([first]) => first === variable.name)) {
-          $("sigma").append(this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable));
+          add("sigma", name, this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable));
         } else if (variable.start !== undefined && variable.set && !prescribed.has(variable.name)) {
-          $(variable.initial ? "starts" : "parameters").append(this.#slider(name, variable, (value) => this.#set(part, variable, value)));
+          add(variable.initial ? "starts" : "parameters", name, this.#slider(name, variable, (value) => this.#set(part, variable, value)));
         }
       }
     }
+    for (const name of this.plan.controls ?? rows.keys()) rows.get(name)();
     for (const id of ["sigma", "starts", "parameters"]) $(id).hidden = $(id).childElementCount < 2;
   }
 
@@ -220,24 +316,38 @@ class Page {
   }
 
   #preset(part, variable) {
-    const { name } = variable, leaves = part.variables.some((v) => v.name === "impact_loss");
+    const { name } = variable, leaves = part.variables.some((v) => v.name === "impact_loss"), given = part.moves?.[name];
     const offered = presets(variable, part.starts, leaves);
-    const fields = make("span", { className: "fields" });
+    if (given) offered[given[0]] = [offered[given[0]]?.[0] ?? "follow the table", given[1]];
+    const fields = make("div", { className: "fields" });
     const choice = make("select", { data: { preset: part.prefix + name } }, make("option", { textContent: "by hand" }), ...Object.entries(offered).map(([value, [words]]) => make("option", { value, textContent: `${words} (${value})` })));
     choice.setAttribute("aria-label", `what moves ${name}`);
+    const move = (source) => {
+      part.sources.set(name, source);
+      fields.replaceChildren(...Object.entries(source.parameters).map(([key, start]) => {
+        const field = this.#slider(`${part.prefix + name}.${key}`, { start, minimum: start > 0 ? 0 : undefined }, (number) => {
+          source.change(key, number, this.machine.time);
+          this.#slow();
+        });
+        field.firstChild.textContent = key;
+        field.querySelector("[data-number]").title = key;
+        return field;
+      }));
+      this.#slow();
+    };
     choice.onchange = () => {
       const chosen = choice.value, value = this.#hold(part, name);
       if (chosen === "by hand") return;
       choice.value = chosen;
-      const source = new Operator(chosen, value, this.machine.time, { ...offered[chosen][1] });
-      part.sources.set(name, source);
-      fields.replaceChildren(...Object.entries(source.parameters).map(([key, start]) => {
-        const field = make("input", { type: "number", step: "any", value: start, title: key });
-        field.onchange = () => { source.parameters[key] = Number(field.value); };
-        return make("label", {}, `${key} `, field);
-      }));
+      if (chosen !== "Table") return move(new Operator(chosen, value, this.machine.time, { ...offered[chosen][1] }));
+      move(new Table(given[1])); // which says where it begins
+      this.reset();
     };
-    return make("div", { className: "preset" }, choice, fields, make("output", { data: { force: part.prefix + name } }));
+    if (given) {
+      choice.value = given[0];
+      move(given[0] === "Table" ? new Table(given[1]) : new Operator(given[0], variable.start, 0, { ...given[1] }));
+    }
+    return make("div", { className: "preset" }, choice, make("output", { data: { force: part.prefix + name } }), fields);
   }
 
   #move(part, name, value) {
@@ -258,8 +368,9 @@ class Page {
     hand.time = this.machine.time;
     part.sources.set(name, hand);
     const choice = document.querySelector(`[data-preset="${CSS.escape(part.prefix + name)}"]`);
-    choice.value = "by hand";
-    choice.nextElementSibling.replaceChildren();
+    if (choice) choice.value = "by hand";
+    choice?.parentElement.querySelector(".fields").replaceChildren();
+    this.#slow();
     return value;
   }
 
@@ -292,13 +403,14 @@ class Page {
           button.onclick = () => { this.chosen = this.chosen.filter((other) => other !== name); render(); };
           return button;
         }),
-        choice, over,
+        ...(this.plan.asked ? [] : [choice, over]),
       );
       this.paint();
     };
     const choice = make("select", { data: { signals: "" } }, make("option", { textContent: "plot ..." }), ...this.machine.told.map((text) => make("option", { textContent: text })));
     choice.setAttribute("aria-label", "signals to plot");
     const over = make("select", { data: { over: "" } }, ...["", ...this.machine.told].map((name) => make("option", { value: name, textContent: `over ${name || "time"}` })));
+    over.value = this.over;
     over.setAttribute("aria-label", "horizontal axis of the plot");
     over.onchange = () => { this.over = over.value; this.paint(); };
     choice.onchange = () => {
@@ -312,10 +424,6 @@ class Page {
 
 async function open() {
   const plan = JSON.parse($("plan").textContent);
-  if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
-    $("said").textContent = "This browser has no WebAssembly: take a newer one.";
-    return;
-  }
   try {
     const modules = await Promise.all(plan.modules.map(compile));
     window.page = new Page(plan, modules);

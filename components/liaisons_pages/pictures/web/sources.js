@@ -21,8 +21,10 @@ export class Hand {
 
 /** The operators of the catalogue, by name: y, y_dot, y_ddot at a time. */
 const operators = {
-  Sinusoid: (t, y, { amplitude: a, "angular frequency": w }) =>
-    [y + a * Math.sin(w * t), a * w * Math.cos(w * t), -a * w * w * Math.sin(w * t)],
+  Sinusoid: (t, y, { amplitude: a, "angular frequency": w, phase = 0 }) => {
+    const sine = a * Math.sin(w * t + phase);
+    return [y + sine - a * Math.sin(phase), a * w * Math.cos(w * t + phase), -w * w * sine];
+  },
   Ramp: (t, y, { rate }) => [y + rate * t, rate, 0],
   SmoothStep: (t, y, { height, duration }) => {
     const x = Math.min(t / duration, 1), u = 1 - x;
@@ -58,10 +60,54 @@ function pace({ gravity, stiffness, mass, length, length_1 = length, rope = leng
 /** One of them, begun at a time from a value. */
 export class Operator {
   constructor(name, value, time, parameters) {
-    Object.assign(this, { name, value, time, parameters });
+    Object.assign(this, { name, parameters });
+    this.begin(value, time);
+  }
+
+  begin(value, time) {
+    Object.assign(this, { value, time, turned: 0 }); // turned: phase beside that of the parameters
   }
 
   at(time) {
-    return operators[this.name](Math.max(time - this.time, 0), this.value, this.parameters);
+    const { "start time": begin = 0, phase = 0 } = this.parameters;
+    return operators[this.name](Math.max(time - this.time - begin, 0), this.value, { ...this.parameters, phase: phase + this.turned });
+  }
+
+  /** Another parameter from now on; the coordinate stays where it is, only its rate may jump. */
+  change(key, number, time) {
+    const [reached] = this.at(time);
+    if (key === "angular frequency") this.turned += (this.parameters[key] - number) * (time - this.time);
+    this.parameters[key] = number;
+    this.value += reached - this.at(time)[0];
+  }
+
+  /** The time in which it repeats itself [s]. */
+  get period() {
+    return (2 * Math.PI) / Math.abs(this.parameters["angular frequency"] ?? 0);
+  }
+}
+
+/** Follows knots (t, σ, σ̇, σ̈) by a quintic between two of them, as PlannedMotion does; then it comes to rest. */
+export class Table extends Operator {
+  constructor(knots) {
+    super("Table", 0, 0, {});
+    this.knots = knots;
+    const [times, values, rates] = knots, last = new Hand(values.at(-1));
+    Object.assign(last, { time: times.at(-1) - times[0], speed: rates.at(-1) });
+    this.last = last;
+  }
+
+  at(time) {
+    const [times, values, rates, accelerations] = this.knots, t = time + times[0]; // the page's clock begins with it
+    if (t >= times.at(-1)) return this.last.at(time);
+    const k = Math.max(times.findLastIndex((knot) => knot <= t), 0), h = times[k + 1] - times[k], x = t - times[k], u = x / h;
+    const [y, v, a] = [values, rates, accelerations].map((column) => column[k]);
+    const D = values[k + 1] - (y + v * h + (a * h * h) / 2), V = (rates[k + 1] - (v + a * h)) * h, A = (accelerations[k + 1] - a) * h * h;
+    const [c, d, e] = [10 * D - 4 * V + A / 2, -15 * D + 7 * V - A, 6 * D - 3 * V + A / 2];
+    return [
+      y + v * x + (a * x * x) / 2 + u ** 3 * (c + u * (d + u * e)),
+      v + a * x + (u * u * (3 * c + u * (4 * d + 5 * u * e))) / h,
+      a + (u * (6 * c + u * (12 * d + 20 * u * e))) / (h * h),
+    ];
   }
 }
