@@ -134,7 +134,7 @@ def show(
     from liaisons_exchange.live import default_page_path
     from liaisons_tools.cli._inputs import tabulated_inputs
     from liaisons_tools.cli._subject import requested_simulation, resolved_subject
-    from liaisons_tools.scenarios import lesson, names
+    from liaisons_tools.scenarios import load_lesson, names
 
     fmu, *others = add_robot_options(
         fmus, prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
@@ -148,7 +148,7 @@ def show(
         "question": question,
     }
     if fmu in names() and fmu not in catalogue() and not (others or inputs):
-        page = lesson(fmu).show(output or f"{fmu}.html").path
+        page = load_lesson(fmu).show(output or f"{fmu}.html").path
     else:
         shown, rest = resolved_subject(fmu, starts)
         moves: dict[str, Any] | None = {}

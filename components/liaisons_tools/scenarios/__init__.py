@@ -35,7 +35,7 @@ same.  The first paragraph of the file's docstring is what the scenario claims a
 from liaisons.check import slope, table
 from liaisons_tools.scenarios.claims import Bound, Claims, within
 from liaisons_tools.scenarios.drawing import dots, panels
-from liaisons_tools.scenarios.lesson import Lesson, lesson, lessons
+from liaisons_tools.scenarios.lesson import Lesson, lessons, load_lesson
 from liaisons_tools.scenarios.running import Outcome, Scenario, execute, load, names, report, scenario
 
 __all__ = [
@@ -46,9 +46,9 @@ __all__ = [
     "Scenario",
     "dots",
     "execute",
-    "lesson",
     "lessons",
     "load",
+    "load_lesson",
     "names",
     "panels",
     "report",

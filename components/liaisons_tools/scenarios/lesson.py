@@ -50,7 +50,7 @@ class Lesson:
         )
 
 
-def lesson(name: str) -> Lesson:
+def load_lesson(name: str) -> Lesson:
     """Return the lesson of a scenario.
 
     :raises ProjectError: if there is no such scenario, or it has none.

@@ -16,7 +16,7 @@ import pytest
 from liaisons import operator, show, simulate, tabulated
 from liaisons.base import compiler
 from liaisons.errors import SimulationError
-from liaisons.scenarios import lesson, lessons
+from liaisons.scenarios import lessons, load_lesson
 
 from . import _browser as tools
 
@@ -222,7 +222,7 @@ def test_picture_and_sliders_are_on_one_screen(screen: tuple[int, int], browser:
 @pytest.mark.variants(core=0)
 @pytest.mark.parametrize("name", lessons())
 def test_a_lesson_is_its_scenario(name: str, browser: Any, tmp_path: Path) -> None:
-    taught = lesson(name)
+    taught = load_lesson(name)
     with tools.opened(browser, taught.show(tmp_path / f"{name}.html").path) as live:
         assert live.text("#question") == taught.question
         assert live.plan["signals"] == list(taught.plots)

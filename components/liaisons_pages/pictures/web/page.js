@@ -328,6 +328,7 @@ class Page {
         const field = this.#slider(`${part.prefix + name}.${key}`, { start, minimum: start > 0 ? 0 : undefined }, (number) => {
           source.change(key, number, this.machine.time);
           this.#slow();
+          this.#begin();
         });
         field.firstChild.textContent = key;
         field.querySelector("[data-number]").title = key;
@@ -337,17 +338,23 @@ class Page {
     };
     choice.onchange = () => {
       const chosen = choice.value, value = this.#hold(part, name);
-      if (chosen === "by hand") return;
       choice.value = chosen;
-      if (chosen !== "Table") return move(new Operator(chosen, value, this.machine.time, { ...offered[chosen][1] }));
-      move(new Table(given[1])); // which says where it begins
-      this.reset();
+      if (chosen === "Table") {
+        move(new Table(given[1]));
+        this.reset(); // it says where it begins
+      } else if (chosen !== "by hand") move(new Operator(chosen, value, this.machine.time, { ...offered[chosen][1] }));
+      this.#begin();
     };
     if (given) {
       choice.value = given[0];
       move(given[0] === "Table" ? new Table(given[1]) : new Operator(given[0], variable.start, 0, { ...given[1] }));
     }
     return make("div", { className: "preset" }, choice, make("output", { data: { force: part.prefix + name } }), fields);
+  }
+
+  /** Before the first step all begins with what moves it now, its rates among it. */
+  #begin() {
+    if (this.machine.time === 0) this.reset();
   }
 
   #move(part, name, value) {
