@@ -1,4 +1,4 @@
-"""``liaisons show`` without the compiler for WebAssembly; live pages are tried in ``tests/pages/pictures``."""
+"""``liaisons show``; live pages are tried in ``tests/pages/pictures``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from liaisons.base import compiler
 
 from .conftest import Cli, Runs, is_misuse
 
@@ -22,8 +24,22 @@ def test_without_a_compiler_for_webassembly_the_motion_is_shown(
         "page: Pendulum.html, a recorded motion; a live page needs a compiler: pip install 'liaisons[cross]' (100 MB"
     )
     assert opened == [(tmp_path / "Pendulum.html").as_uri()]
-    assert "play(JSON.parse(" in (tmp_path / "Pendulum.html").read_text()
+    assert '"frames":' in (tmp_path / "Pendulum.html").read_text()
     still = (tmp_path / "Pendulum.html").read_bytes()
     runs("show", "Pendulum", "--set", "theta_0=1", "--input", "length=1 + 0.1*t", "--no-open")
     assert (tmp_path / "Pendulum.html").read_bytes() != still
     assert is_misuse(liaisons("show", "Pendulum", "Swing", "--input", "length=1"), "--input", "without --input")
+
+
+@pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is missing")
+def test_inputs_move_a_live_page_and_a_scenario_has_its_lesson(runs: Runs, liaisons: Cli, tmp_path: Path) -> None:
+    options = ("--controls", "length,theta_0", "--plots", "theta", "--question", "Why?", "--no-open")
+    assert runs("show", "Pendulum", "--input", "length=1 + 0.1*sin(6*t)", *options) == "page: Pendulum.html\n"
+    page = (tmp_path / "Pendulum.html").read_text()
+    assert '"controls":["length","theta_0"],"question":"Why?"' in page
+    assert '"moves":{"length":["Table",' in page
+    jumps = runs("show", "Pendulum", "--input", "theta_force=0.1*t", "--no-open")
+    assert jumps == "page: Pendulum.html, a recorded motion\n"
+    assert runs("show", "kapitza", "--no-open") == "page: kapitza.html\n"
+    assert '"moves":{"pivot_z":["Sinusoid",' in (tmp_path / "kapitza.html").read_text()
+    assert is_misuse(liaisons("show", "kepler", "--no-open"), "scenario kepler has no lesson", "kapitza")
