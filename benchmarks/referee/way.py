@@ -32,6 +32,7 @@ class Way:
     :ivar page: of the engine's documentation.
     :ivar run: task, step and a setting -> answer.
     :ivar settings: the grid; the best counts at each step.
+    :ivar steps: communication steps [s].
     """
 
     engine: str
@@ -39,61 +40,108 @@ class Way:
     page: str
     run: Callable[..., Run]
     settings: Sequence[Mapping[str, Any]] = ({},)
+    steps: Sequence[float] = (1e-2, 5e-3, 2.5e-3, 1.25e-3)
 
 
-Read = Callable[[], tuple[NDArray, NDArray | None]]
-"""Places that are asked, and forces of the prescribed joints or None."""
+class Places:
+    """Where the joints of a task are in an engine's q and v.
+
+    :param attitude: quaternion (w, x, y, z) from the coordinates of a ball joint.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        places: Mapping[str, int],
+        rates: Mapping[str, int],
+        attitude: Callable[[NDArray], NDArray] = lambda q: q[:4].copy(),
+    ) -> None:
+        self.task, self.places, self.rates, self.attitude = task, places, rates, attitude
+        self.moved = [places[name] for name in task.motions]
+        self.rows = [rates[name] for name in task.motions]
+
+    def start(self, q: NDArray, v: NDArray) -> None:
+        """Set all joints."""
+        for name, (place, rate) in self.task.start.items():
+            q[self.places[name]], v[self.rates[name]] = place, rate
+        if self.task.spin:
+            v[self.rates["attitude"] :][:3] = self.task.spin
+        self.move(q, v, 0.0)
+
+    def move(self, q: NDArray, v: NDArray, t: float) -> None:
+        """Set the prescribed joints."""
+        q[self.moved], v[self.rows], _ = self.task.sigma(t)
+
+    def read(self, q: NDArray) -> NDArray:
+        """What is asked."""
+        if self.task.spin:
+            return self.attitude(q[self.places["attitude"] :])
+        return q[[self.places[name] for name in self.task.asked]] + self.task.whole * q[self.moved[0]]
 
 
 def march(
     task: Task,
     step: float,
     advance: Callable[[float], None],
-    read: Read,
+    read: Callable[[], tuple[NDArray, NDArray | None]],
     jump: Callable[[float], NDArray | None] = lambda _: None,
 ) -> Run:
-    """Advance from each instant by a step; the work is Simpson's sum of the power between jumps.
+    """Advance from each instant by a step.
 
+    :param read: places that are asked, and forces of the prescribed joints or None.
     :param jump: at an instant where σ̇ jumps; returns impulses.
     """
     begin = time.process_time()
-    count = round(task.stop / INSTANTS / step)
-    steps = INSTANTS * count
     jumps = {round(t / step): t for t in task.jumps}
-    places, forces = [], []
-    powers: list[list[float]] = [[]]
-    works = [0.0]
-    marks = [0]
+    steps = round(task.stop / step)
+    places: list[NDArray] = []
+    forces: list[NDArray | None] = []
+    gained = np.zeros(steps + 1)  # by jumps
 
-    def sample(k: int, side: float) -> None:
+    def sample() -> None:
         place, force = read()
-        if task.force:  # impulses, which these loops do not sum
-            force = None
-        if force is not None:
-            force[0] -= task.carrier * (task.sigma(k * step, side)[2][0] + task.weight)
-            powers[-1].append(float(force @ task.sigma(k * step, side)[1]))
-        if side < 0 and k % count == 0:
-            places.append(place)
-            forces.append(force)
+        places.append(place)
+        forces.append(force)
 
-    sample(0, 1.0)
+    sample()
+    after = {0: forces[0]}
     for k in range(1, steps + 1):
         advance((k - 1) * step)
-        sample(k, -1.0)
+        sample()
         if k in jumps and k < steps:
             impulses = jump(jumps[k])
             rate = sum(task.sigma(jumps[k], side)[1] for side in (-1.0, 1.0)) / 2
-            works.append(0.0 if impulses is None else float(impulses @ rate))
-            marks.append(k)
-            powers.append([])
-            sample(k, 1.0)
-    seconds = time.process_time() - begin
-    motion = np.array(places)
-    if forces[0] is None:
-        return Run(Answer(motion, None, None), seconds)
-    work, total = np.zeros(steps + 1), 0.0
-    for (a, b), power, extra in zip(pairwise([*marks, steps]), powers, works, strict=True):
-        total += extra
-        work[a + 1 : b + 1] = total + cumulative_simpson(power, dx=step)
-        total = work[b]
-    return Run(Answer(motion, np.array(forces)[:, 0], work[count::count]), seconds)
+            gained[k + 1 :] += 0.0 if impulses is None else impulses @ rate
+            after[k] = read()[1]
+    return answered(task, step, time.process_time() - begin, (np.array(places), forces), (after, gained))
+
+
+def answered(
+    task: Task,
+    step: float,
+    seconds: float,
+    said: tuple[NDArray, Sequence[NDArray | None]],
+    jumps: tuple[Mapping[int, NDArray | None], NDArray | float] | None = None,
+) -> Run:
+    """From places and forces after each step; the work is Simpson's sum of the power between jumps.
+
+    :param jumps: forces behind them, and the work that they have done till each step.
+    """
+    places, forces = said
+    after, gained = jumps or ({0: forces[0]}, 0.0)
+    rows = round(task.stop / INSTANTS / step) * np.arange(1, INSTANTS + 1)
+    if task.force or forces[0] is None:  # impulses, which these loops do not sum
+        return Run(Answer(places[rows], None, None), seconds)
+
+    def power(k: int, side: float, force: Any) -> tuple[float, float]:
+        _, rate, acceleration = task.sigma(k * step, side)
+        own = np.array(force) - task.carrier * (acceleration[0] + task.weight) * np.eye(len(rate))[0]
+        return own[0], own @ rate
+
+    marks = [*sorted(after), len(forces) - 1]
+    lambdas, powers = np.array([power(k, -1.0, force) for k, force in enumerate(forces)]).T
+    work = np.zeros(len(forces))
+    for a, b in pairwise(marks):
+        first = power(a, 1.0, after[a])[1]
+        work[a + 1 : b + 1] = work[a] + cumulative_simpson([first, *powers[a + 1 : b + 1]], dx=step)
+    return Run(Answer(places[rows], lambdas[rows], (work + gained)[rows]), seconds)

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, DiscreteContactApproximation
-from pydrake.multibody.tree import PdControllerGains
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import PdControllerGains, PrismaticSpring
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from referee.task import Task
-from referee.way import CannotError, Run, Way, march
+from referee.way import CannotError, Places, Run, Way, march
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # of options in MJCF that belong to MuJoCo
 
@@ -26,93 +26,79 @@ class _Plant:
     """A task in Drake at its start."""
 
     def __init__(self, task: Task, step: float, gains: tuple[float, float] | None) -> None:
-        if task.constraint:
-            raise CannotError(f"MJCF: no {task.constraint} here")
+        if task.constraint == "friction loss":
+            raise CannotError("no friction between joints")
         builder = DiagramBuilder()
-        self.plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=step)
+        plant: Any = AddMultibodyPlantSceneGraph(builder, time_step=step)[0]
         motors = "".join(f'<motor name="{name}" joint="{name}"/>' for name in task.motions) if gains else ""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "task.xml"
-            path.write_text(task.mjcf(step, more=f"<actuator>{motors}</actuator>" * bool(gains)), encoding="utf-8")
-            Parser(self.plant).AddModels(str(path))
-        self.plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-        if gains:
-            for name in task.motions:
-                self.plant.GetJointActuatorByName(name).set_controller_gains(PdControllerGains(p=gains[0], d=gains[1]))
-        self.plant.Finalize()
-        self.task = task
-        simulator = Simulator(builder.Build())
-        simulator.set_publish_every_time_step(False)
-        self.simulator: Any = simulator
-        self.context = self.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        self.joints = [self.plant.GetJointByName(name) for name in task.motions]
-        self.set(0.0)
-        for name, (place, rate) in task.start.items():
-            joint = self.plant.GetJointByName(name)
-            if name == "attitude":
-                joint.set_angular_velocity(self.context, [task.start_values[f"omega_{a}_0"] for a in "xyz"])
-            else:
-                self.plant.SetPositions(
-                    self.context, self._with(self.plant.GetPositions(self.context), joint.position_start(), place)
-                )
-                self.plant.SetVelocities(
-                    self.context, self._with(self.plant.GetVelocities(self.context), joint.velocity_start(), rate)
-                )
+            path.write_text(task.mjcf(f"<actuator>{motors}</actuator>"), encoding="utf-8")
+            Parser(plant).AddModels(str(path))
+        if task.constraint == "equality":
+            coupler, rocker = (plant.GetBodyByName(name) for name in ("coupler", "rocker"))
+            plant.AddBallConstraint(coupler, [1.5, 0.0, 0.0], rocker, [1.2, 0.0, 0.0])
+        for name, stiffness in task.springs.items():  # which its parser leaves out
+            plant.AddForceElement(PrismaticSpring(plant.GetJointByName(name), 0.0, stiffness))
+        for name in task.motions if gains else ():
+            plant.GetJointActuatorByName(name).set_controller_gains(PdControllerGains(p=gains[0], d=gains[1]))
+        plant.Finalize()
+        joints = [plant.get_joint(k) for k in plant.GetJointIndices()]
+        self.plant, self.task, self.step = plant, task, step
+        self.simulator: Any = Simulator(builder.Build())
+        self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        self.places = Places(
+            task,
+            {joint.name(): joint.position_start() for joint in joints},
+            {joint.name(): joint.velocity_start() for joint in joints},
+            lambda q: np.array(RollPitchYaw(q[:3]).ToQuaternion().wxyz()),
+        )
+        self.change(self.places.start)
 
-    @staticmethod
-    def _with(values: NDArray, place: int, value: float) -> NDArray:
-        values = values.copy()
-        values[place] = value
-        return values
-
-    def set(self, t: float) -> None:
+    def change(self, change: Any, *when: float) -> None:
         q, v = self.plant.GetPositions(self.context).copy(), self.plant.GetVelocities(self.context).copy()
-        for joint, sigma, sigma_dot in zip(self.joints, *self.task.sigma(t)[:2], strict=True):
-            q[joint.position_start()], v[joint.velocity_start()] = sigma, sigma_dot
+        change(q, v, *when)
         self.plant.SetPositions(self.context, q)
         self.plant.SetVelocities(self.context, v)
 
-    def asked(self) -> NDArray:
-        q = self.plant.GetPositions(self.context)
-        if self.task.asked[0] == ("attitude",):
-            joint = self.plant.GetJointByName("attitude")
-            return np.array(RollPitchYaw(q[joint.position_start() :][:3]).ToQuaternion().wxyz())
-        return np.array(
-            [sum(q[self.plant.GetJointByName(n).position_start()] for n in names) for names in self.task.asked]
-        )
+    def march(self, before: Any, forces: Any = lambda: None) -> Run:
+        def advance(t: float) -> None:
+            before(t)
+            self.simulator.AdvanceTo(t + self.step)
+
+        def read() -> tuple[NDArray, NDArray | None]:
+            return self.places.read(self.plant.GetPositions(self.context)), forces()
+
+        try:
+            return march(self.task, self.step, advance, read)
+        except RuntimeError as error:
+            raise CannotError(f"solver: {str(error)[:40]}") from None
 
 
 def overwritten(task: Task, step: float) -> Run:
     it = _Plant(task, step, None)
-
-    def advance(t: float) -> None:
-        it.set(t)
-        it.simulator.AdvanceTo(t + step)
-
-    return march(task, step, advance, lambda: (it.asked(), None))
+    return it.march(lambda t: it.change(it.places.move, t))
 
 
 def controlled(task: Task, step: float, stiffness: float, damping: float) -> Run:
     it = _Plant(task, step, (stiffness / step**2, damping / step))
-    port = it.plant.get_desired_state_input_port(it.joints[0].model_instance())
-    output = it.plant.get_net_actuation_output_port()
+    model = it.plant.GetJointByName(next(iter(task.motions))).model_instance()
+    port, output = it.plant.get_desired_state_input_port(model), it.plant.get_net_actuation_output_port()
 
-    def advance(t: float) -> None:
-        sigma, sigma_dot, _ = task.sigma(t + step)
-        port.FixValue(it.context, [*sigma, *sigma_dot])
-        it.simulator.AdvanceTo(t + step)
+    def aim(t: float) -> None:
+        port.FixValue(it.context, task.sigma(t)[:2].ravel())
 
-    port.FixValue(it.context, task.sigma(0.0)[:2].ravel())
-    return march(task, step, advance, lambda: (it.asked(), np.array(output.Eval(it.context))))
+    aim(0.0)
+    return it.march(lambda t: aim(t + step), lambda: np.array(output.Eval(it.context)))
 
 
-PAGE = "drake.mit.edu/doxygen_cxx: MultibodyPlant, "
+PAGE = "https://drake.mit.edu/doxygen_cxx/classdrake_1_1multibody_1_1_multibody_plant.html"
 WAYS = (
-    Way("drake", "positions set", PAGE + "SetPositions", overwritten),
+    Way("drake", "positions set", PAGE, overwritten),
     Way(
         "drake",
         "implicit PD",
-        PAGE + "Using PD controlled actuators",
+        f"{PAGE}#pd_controllers",
         controlled,
         [{"stiffness": s, "damping": d} for s in (1.0, 1e3) for d in (1.0, 1e3)],
     ),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -13,7 +11,9 @@ from numpy.typing import NDArray
 from liaisons import MujocoOperator
 from liaisons.errors import InvalidValueError
 from referee.task import Task
-from referee.way import CannotError, Run, Way, march
+from referee.way import CannotError, Places, Run, Way, march
+
+INTEGRATORS = {"Euler": 0, "RK4": 1, "implicitfast": 3}
 
 
 class _Model:
@@ -21,73 +21,46 @@ class _Model:
 
     def __init__(self, task: Task, step: float, integrator: str, more: str = "") -> None:
         self.task, self.step = task, step
-        self.model = mujoco.MjModel.from_xml_string(task.mjcf(step, integrator, more))
-        self.data = mujoco.MjData(self.model)
-        joints = [self.model.joint(name) for name in task.motions]
-        self.places, self.rows = (
-            np.array([int(j.qposadr[0]) for j in joints]),
-            np.array([int(j.dofadr[0]) for j in joints]),
-        )
-        for name, (place, rate) in task.start.items():
-            joint = self.model.joint(name)
-            if name == "attitude":
-                self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + 3] = [
-                    task.start_values[f"omega_{a}_0"] for a in "xyz"
-                ]
-            else:
-                self.data.qpos[joint.qposadr[0]], self.data.qvel[joint.dofadr[0]] = place, rate
-        self.data.qpos[self.places], self.data.qvel[self.rows] = task.sigma(0.0)[:2]
+        self.model: Any = mujoco.MjModel.from_xml_string(task.mjcf(more))
+        self.model.opt.timestep, self.model.opt.integrator = step, INTEGRATORS[integrator]
+        self.data: Any = mujoco.MjData(self.model)
+        names = [self.model.joint(k).name for k in range(self.model.njnt)]
+        addresses = (self.model.jnt_qposadr, self.model.jnt_dofadr)
+        self.places = Places(task, *(dict(zip(names, where, strict=True)) for where in addresses))
+        self.places.start(self.data.qpos, self.data.qvel)
         mujoco.mj_forward(self.model, self.data)
 
-    def asked(self) -> NDArray:
-        data, model = self.data, self.model
-        if self.task.asked[0] == ("attitude",):
-            address = int(model.joint("attitude").qposadr[0])
-            return data.qpos[address : address + 4].copy()
-        return np.array(
-            [sum(data.qpos[int(model.joint(name).qposadr[0])] for name in names) for names in self.task.asked]
-        )
+    def march(self, before: Any, forces: Any = lambda: None, jump: Any = lambda _: None) -> Run:
+        def advance(t: float) -> None:
+            before(t)
+            mujoco.mj_step(self.model, self.data)
 
-    def overwrite(self, t: float) -> None:
-        self.data.qpos[self.places], self.data.qvel[self.rows] = self.task.sigma(t)[:2]
+        return march(self.task, self.step, advance, lambda: (self.places.read(self.data.qpos), forces()), jump)
 
 
 def overwritten(task: Task, step: float, integrator: str) -> Run:
     """Places and rates of the joints are set before each step; nobody reads a force."""
     it = _Model(task, step, integrator)
-
-    def advance(t: float) -> None:
-        it.overwrite(t)
-        mujoco.mj_step(it.model, it.data)
-
-    return march(task, step, advance, lambda: (it.asked(), None))
+    return it.march(lambda t: it.places.move(it.data.qpos, it.data.qvel, t))
 
 
 def actuated(task: Task, step: float, stiffness: float) -> Run:
     """Position actuators, critically damped, of so many times m/h²; ``implicitfast``, since others blow up."""
-    inertia = _inertia(task)
-    scale = inertia * stiffness / step**2
+    rest = _Model(task, step, "Euler")
+    full = np.zeros((rest.model.nv, rest.model.nv))
+    mujoco.mj_fullM(rest.model, rest.data, full)
+    inertia = np.diag(full)[rest.places.rows]
     actuators = "".join(
-        f'<position name="{name}" joint="{name}" kp="{k}" kv="{2 * np.sqrt(k * m)}"/>'
-        for name, k, m in zip(task.motions, scale, inertia, strict=True)
+        f'<position name="{name}" joint="{name}" kp="{m * stiffness / step**2}" kv="{2 * m * stiffness**0.5 / step}"/>'
+        for name, m in zip(task.motions, inertia, strict=True)
     )
     it = _Model(task, step, "implicitfast", f"<actuator>{actuators}</actuator>")
-    lag = 2 * np.sqrt(inertia / scale)  # of the damping, which brakes against the world
 
-    def advance(t: float) -> None:
+    def aim(t: float) -> None:
         sigma, sigma_dot, _ = task.sigma(t + step)
-        it.data.ctrl[:] = sigma + lag * sigma_dot
-        mujoco.mj_step(it.model, it.data)
+        it.data.ctrl[:] = sigma + 2 * step / stiffness**0.5 * sigma_dot  # the damping brakes against the world
 
-    return march(task, step, advance, lambda: (it.asked(), it.data.qfrc_actuator[it.rows].copy()))
-
-
-def _inertia(task: Task) -> NDArray:
-    """Diagonal of the mass matrix at the joints, at the start."""
-    it = _Model(task, 1e-3, "Euler")
-    full = np.zeros((it.model.nv, it.model.nv))
-    mujoco.mj_fullM(it.model, it.data, full)
-    return np.diag(full)[it.rows]
+    return it.march(aim, lambda: it.data.qfrc_actuator[it.places.rows])
 
 
 def equality(task: Task, step: float, time_constant: float, integrator: str) -> Run:
@@ -95,23 +68,12 @@ def equality(task: Task, step: float, time_constant: float, integrator: str) -> 
     solver = f'solref="{time_constant * step} 1" solimp="0.9999 0.9999 0.001 0.5 2"'
     held = "".join(f'<joint joint1="{name}" {solver}/>' for name in task.motions)
     it = _Model(task, step, integrator, f"<equality>{held}</equality>")
-    first = it.model.neq - len(task.motions)
 
-    def advance(t: float) -> None:
+    def aim(t: float) -> None:
         sigma, sigma_dot, _ = task.sigma(t)
-        it.model.eq_data[first:, 0] = sigma + sigma_dot * (time_constant * step)  # its damping brakes against the world
-        mujoco.mj_step(it.model, it.data)
+        it.model.eq_data[-len(sigma) :, 0] = sigma + sigma_dot * (time_constant * step)  # likewise
 
-    return march(task, step, advance, lambda: (it.asked(), it.data.qfrc_constraint[it.rows].copy()))
-
-
-@contextmanager
-def _callback(function: Any) -> Iterator[None]:
-    mujoco.set_mjcb_control(function)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_control(None)
+    return it.march(aim, lambda: it.data.qfrc_constraint[it.places.rows])
 
 
 def operated(task: Task, step: float) -> Run:
@@ -119,42 +81,43 @@ def operated(task: Task, step: float) -> Run:
     it = _Model(task, step, "RK4")
     operator = MujocoOperator(it.model, task.motions)
 
-    def read() -> tuple[NDArray, NDArray]:
-        return it.asked(), np.array(list(operator.forces(it.model, it.data).values()))
+    def forces() -> NDArray:
+        return np.array([*operator.forces(it.model, it.data).values()])
 
     def jump(t: float) -> NDArray:
         it.data.time = t + 1e-15
         after = MujocoOperator(it.model, {n: lambda t, n=n: task.motions[n](t + 2e-12) for n in task.motions})
-        return np.array(list(after.jump(it.model, it.data).values()))
+        return np.array([*after.jump(it.model, it.data).values()])
 
-    operator.place(it.data)
+    mujoco.set_mjcb_control(operator)
     try:
-        with _callback(operator):
-            return march(task, step, lambda _: mujoco.mj_step(it.model, it.data), read, jump)
+        return it.march(lambda _: None, forces, jump)
     except InvalidValueError as error:
         raise CannotError(f"refused: {str(error).partition(' acts')[0]}") from None
+    finally:
+        mujoco.set_mjcb_control(None)
 
 
-INTEGRATORS = ("Euler", "RK4", "implicitfast")
+PAGE = "https://mujoco.readthedocs.io/en/stable/"
 WAYS = (
     Way(
         "mujoco",
         "rate overwritten",
-        "mujoco.readthedocs.io/en/stable/programming/simulation.html (state and control)",
+        f"{PAGE}programming/simulation.html",
         overwritten,
         [{"integrator": name} for name in INTEGRATORS],
     ),
     Way(
         "mujoco",
         "position actuator",
-        "mujoco.readthedocs.io/en/stable/XMLreference.html#actuator-position",
+        f"{PAGE}XMLreference.html#actuator-position",
         actuated,
         [{"stiffness": s} for s in (1e-3, 1e-2, 0.1, 1.0)],
     ),
     Way(
         "mujoco",
         "equality",
-        "mujoco.readthedocs.io/en/stable/XMLreference.html#equality-joint",
+        f"{PAGE}XMLreference.html#equality-joint",
         equality,
         [{"time_constant": c, "integrator": i} for c in (2.0, 5.0) for i in ("Euler", "RK4")],
     ),

@@ -17,28 +17,39 @@ from referee.way import Run, Way
 TOLERANCE = 1e-12
 
 
-def by_simulate(task: Task, step: float, tolerance: float = TOLERANCE) -> Run:
-    inputs = {
-        port: Signal(motion, breaks=task.jumps)
-        for port, motion in zip(task.ports.values(), task.motions.values(), strict=True)
-    }
-    force = task.force or f"{next(iter(task.ports.values()))}_force"
+def _said(task: Task) -> tuple[dict[str, float], list[str]]:
+    """Start values and outputs."""
+    starts = {} if task.signals else {f"{name}_0": place for name, (place, _) in task.start.items()}
+    if not task.signals:
+        starts |= {f"{name}_dot_0": rate for name, (_, rate) in task.start.items() if rate}
+    return {**starts, **task.parameters}, [
+        *(task.signals or task.asked),
+        task.force or f"{next(iter(task.motions))}_force",
+        "work",
+    ]
+
+
+def _run(rows: Any, begin: float) -> Run:
+    seconds, values = time.process_time() - begin, np.array(rows)
+    return Run(Answer(values[:, :-2], values[:, -2], values[:, -1]), seconds)
+
+
+def by_simulate(task: Task, step: float) -> Run:
+    starts, outputs = _said(task)
+    inputs = {name: Signal(motion, breaks=task.jumps) for name, motion in task.motions.items()}
     begin = time.process_time()
     result = simulate(
         task.component,
         stop_time=task.stop,
         step_size=step,
-        tolerance=tolerance,
+        tolerance=TOLERANCE,
         inputs=inputs,
-        record=[*task.signals, force, "work"],
-        **task.start_values,
+        record=outputs,
+        **starts,
     )
-    seconds = time.process_time() - begin
     # At a jump the later row is that after it.
     rows = np.searchsorted(result.time, task.times - 1e-9)
-    return Run(
-        Answer(np.array([result[s][rows] for s in task.signals]).T, result[force][rows], result["work"][rows]), seconds
-    )
+    return _run(np.array([result[name][rows] for name in outputs]).T, begin)
 
 
 @cache
@@ -47,39 +58,39 @@ def _unpacked(component: str) -> tuple[Any, str]:
     return fmpy.read_model_description(path, validate=False), str(fmpy.extract(path))
 
 
-def by_fmpy(task: Task, step: float, tolerance: float = TOLERANCE) -> Run:
+def by_fmpy(task: Task, step: float) -> Run:
     description, folder = _unpacked(task.component)
     reference = {variable.name: variable.valueReference for variable in description.modelVariables}
-    force = task.force or f"{next(iter(task.ports.values()))}_force"
+    starts, outputs = _said(task)
+    inputs = [reference[port + ending] for ending in ("", "_dot", "_ddot") for port in task.motions]
+    asked = [reference[name] for name in outputs]
     fmu: Any = instantiate_fmu(folder, description, fmi_type="CoSimulation")
+
+    def move(t: float, side: float) -> None:
+        fmu.setReal(inputs, task.sigma(t, side).ravel().tolist())
+
     begin = time.process_time()
-    fmu.setupExperiment(tolerance=tolerance, startTime=0.0)
-    starts = dict(task.start_values) | {"input_reconstruction": 1 if task.jumps else 2}
-    inputs = [reference[port + ending] for ending in ("", "_dot", "_ddot") for port in task.ports.values()]
-    apply_start_values(fmu, description, starts)
-    fmu.setReal(inputs, task.sigma(0.0).ravel().tolist())
+    fmu.setupExperiment(tolerance=TOLERANCE, startTime=0.0)
+    apply_start_values(fmu, description, {**starts, "input_reconstruction": 1 if task.jumps else 2})
+    move(0.0, 1.0)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
-    asked = [reference[name] for name in (*task.signals, force, "work")]
     count = round(task.stop / INSTANTS / step)
     rows = []
     for i in range(INSTANTS * count):
-        t, end = i * step, (i + 1) * step
-        # Jumps are for who extrapolates: the values at t, those after a jump.
-        fmu.setReal(inputs, task.sigma(t if task.jumps else end, 1.0 if task.jumps else -1.0).ravel().tolist())
-        fmu.doStep(t, step)
+        # Jumps are for who extrapolates: the values at the begin, those after a jump.
+        move((i if task.jumps else i + 1) * step, 1.0 if task.jumps else -1.0)
+        fmu.doStep(i * step, step)
         if (i + 1) % count == 0:
-            fmu.setReal(inputs, task.sigma(end, -1.0).ravel().tolist())
+            move((i + 1) * step, -1.0)
             rows.append(fmu.getReal(asked))
-    seconds = time.process_time() - begin
+    run = _run(rows, begin)
     fmu.terminate()
     fmu.freeInstance()
-    values = np.array(rows)
-    return Run(Answer(values[:, :-2], values[:, -2], values[:, -1]), seconds)
+    return run
 
 
-PAGE = "docs/tutorials/prescribe-and-read.md"
 WAYS = (
-    Way("liaisons", "simulate", PAGE, by_simulate),
+    Way("liaisons", "simulate", "docs/tutorials/prescribe-and-read.md", by_simulate),
     Way("liaisons", "FMPy", "docs/tutorials/other-tools.md", by_fmpy),
 )

@@ -1,113 +1,72 @@
 """A mass on a spring, on a belt that moves to and fro: it sticks and slips."""
 
-import numpy as np
-from scipy.optimize import brentq
+from itertools import pairwise
 
-from referee.bodies import body, joint
+import numpy as np
+
+from referee.equations import first_root
 from referee.task import GRAVITY, Answer, Task, sinusoid
 
-STIFFNESS, GRIP = 10.0, 0.1 * GRAVITY  # [N/m], [N]; mass 1 kg
-BELT = sinusoid(0.0, 0.5, 2.0)
-STOP = 6.4
-OMEGA = STIFFNESS**0.5
+STIFFNESS, GRIP, STOP = 10.0, 0.1 * GRAVITY, 6.4  # [N/m], [N], [s]; mass 1 kg
+BELT, OMEGA = sinusoid(0.0, 0.5, 2.0), STIFFNESS**0.5
 
 
-def first_root(function, begin, step=1e-3):
-    """Of a function of time, at which its sign changes; STOP if it does not."""
-    t = begin + 1e-7
-    while t < STOP:
-        if function(t) * function(t + step) <= 0:
-            return brentq(function, t, t + step, xtol=1e-16, rtol=1e-15)
-        t += step
-    return STOP
+def at(t, piece):
+    """Place, rate, force and work in a piece of the motion, which slips to one side, or sticks (0)."""
+    begin, side, x, v, sigma, work = piece
+    moved, rate, acceleration = BELT(t)
+    moved = moved - sigma
+    if side:  # an oscillation about the drag
+        middle, angle = side * GRIP / STIFFNESS, OMEGA * (t - begin)
+        place = middle + (x - middle) * np.cos(angle) + v / OMEGA * np.sin(angle)
+        rate = v * np.cos(angle) - (x - middle) * OMEGA * np.sin(angle)
+        return place, rate, side * GRIP, work + side * GRIP * moved
+    gained = (rate**2 + STIFFNESS * (x + moved) ** 2 - v**2 - STIFFNESS * x**2) / 2
+    return x + moved, rate, acceleration + STIFFNESS * (x + moved), work + gained
 
 
 def pieces():
-    """Of the motion: begin, end, direction of the drag (0: it sticks), place, rate and belt there, work till then."""
-    t, x, v, work, found = 0.0, 0.0, 0.0, 0.0, []
-    sign = 1.0
-    while t < STOP:
-        begin, sigma = t, BELT(t)[0]
-        found.append((begin, sign, x, v, sigma, work))
-        if sign:
-            place, rate = slide(begin, sign, x, v)
-            t = first_root(lambda t, rate=rate: rate(t) - BELT(t)[1], begin)
-            x, v, work = place(t), BELT(t)[1], work + sign * GRIP * (BELT(t)[0] - sigma)
-            needed = BELT(t)[2] + STIFFNESS * x
-            sign = 0.0 if abs(needed) <= GRIP else float(np.sign(needed))
-        else:
-            grip = lambda t, x=x, sigma=sigma: BELT(t)[2] + STIFFNESS * (x + BELT(t)[0] - sigma)  # noqa: E731
-            t = first_root(lambda t, grip=grip: abs(grip(t)) - GRIP, begin)
-            x, before, v = x + BELT(t)[0] - sigma, (v**2 + STIFFNESS * x**2) / 2, BELT(t)[1]
-            work += (v**2 + STIFFNESS * x**2) / 2 - before
-            sign = float(np.sign(grip(t)))
-    return found
-
-
-def slide(begin, sign, x, v):
-    """Place and rate while it slides: an oscillation about the drag."""
-    middle = sign * GRIP / STIFFNESS
-
-    def place(t):
-        return middle + (x - middle) * np.cos(OMEGA * (t - begin)) + v / OMEGA * np.sin(OMEGA * (t - begin))
-
-    def rate(t):
-        return v * np.cos(OMEGA * (t - begin)) - (x - middle) * OMEGA * np.sin(OMEGA * (t - begin))
-
-    return place, rate
-
-
-def at(t, found):
-    """Place, rate, force and work."""
-    begin, sign, x, v, sigma, work = [piece for piece in found if piece[0] <= t][-1]
-    moved, rate, acceleration = BELT(t)
-    if sign:
-        place, speed = slide(begin, sign, x, v)
-        return place(t), speed(t), sign * GRIP, work + sign * GRIP * (moved - sigma)
-    now = x + moved - sigma
-    return (
-        now,
-        rate,
-        acceleration + STIFFNESS * now,
-        work + (rate**2 + STIFFNESS * now**2 - v**2 - STIFFNESS * x**2) / 2,
-    )
+    """Begin, side, place, rate, belt and work then."""
+    found = [(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)]
+    while True:
+        last = found[-1]
+        leaves = (lambda t: at(t, last)[1] - BELT(t)[1]) if last[1] else (lambda t: abs(at(t, last)[2]) - GRIP)  # noqa: B023
+        t = first_root(leaves, last[0], STOP)
+        if t == STOP:
+            return found
+        x, v, _, work = at(t, last)
+        needed = BELT(t)[2] + STIFFNESS * x
+        sticks = last[1] and abs(needed) <= GRIP
+        found.append((t, 0.0 if sticks else float(np.sign(needed)), x, v, BELT(t)[0], work))
 
 
 def answer(times):
-    values = np.array([at(t, pieces()) for t in times])
+    found = pieces()
+    values = np.array([at(t, [piece for piece in found if piece[0] <= t][-1]) for t in times])
     return Answer(values[:, :1], values[:, 2], values[:, 3])
 
 
 def checks():
     """Energy: work less what friction takes, by quadrature; the number of pieces says that it sticks and slips."""
     found = pieces()
-    x, v, _, work = at(STOP, found)
-    lost, nodes = 0.0, np.polynomial.legendre.leggauss(40)
-    for (begin, sign, *start), end in zip(found, [*(p[0] for p in found[1:]), STOP], strict=True):
-        rate = slide(begin, sign, *start[:2])[1]
-        middle, half = (begin + end) / 2, (end - begin) / 2
-        lost += sum(
-            w * half * sign * GRIP * (BELT(middle + half * n)[1] - rate(middle + half * n))
-            for n, w in zip(*nodes, strict=True)
-        )
+    x, v, _, work = at(STOP, found[-1])
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    lost = 0.0
+    for piece, end in pairwise([*found, (STOP,)]):
+        half = (end[0] - piece[0]) / 2
+        slips = [BELT(t)[1] - at(t, piece)[1] for t in piece[0] + half * (1 + nodes)]
+        lost += piece[1] * GRIP * half * float(weights @ slips)
     return {"energy account": abs(work - lost - (v**2 + STIFFNESS * x**2) / 2) / abs(work), "pieces": len(found)}
 
 
 TASK = Task(
     "belt",
-    stop=STOP,
-    bodies=body("mass", joint("x", "slide", "1 0 0", f'stiffness="{STIFFNESS}"'), mass=1.0)
-    + body("track", joint("belt", "slide", "1 0 0"), mass=1e-3),
-    more=f'<tendon><fixed name="grip" frictionloss="{GRIP}"><joint joint="x" coef="1"/><joint joint="belt" coef="-1"/>'
-    "</fixed></tendon>",
+    STOP,
     constraint="friction loss",
     motions={"belt": BELT},
-    asked=[("x",)],
+    asked=["x"],
     answer=answer,
     checks=checks,
     component="DryOscillator",
-    start_values={"x_0": 0.0, "mu_static": 0.1, "mu_sliding": 0.1},
-    ports={"belt": "belt"},
-    signals=["x"],
-    springs={"x": STIFFNESS},
+    parameters={"x_0": 0.0, "mu_static": 0.1, "mu_sliding": 0.1},
 )

@@ -1,0 +1,31 @@
+model Mechanism
+  Real theta(start = 0.3, fixed = true), theta_dot(start = 0.0, fixed = true), theta_ddot;
+  Real length, length_dot, length_ddot, force;
+  Real work(start = 0, fixed = true);
+equation
+  der(theta) = theta_dot;
+  der(theta_dot) = theta_ddot;
+  0 = length*(length*theta_ddot + 2*length_dot*theta_dot + 9.81*sin(theta));
+  force = -length*theta_dot^2 + length_ddot - 9.81*cos(theta);
+  der(work) = force*length_dot;
+end Mechanism;
+
+model Prescribed
+  extends Mechanism;
+equation
+  length = 1 + 0.15*sin(6.2642*time);
+  length_dot = der(length);
+  length_ddot = der(length_dot);
+end Prescribed;
+
+model Driven
+  extends Mechanism(length(start = 1.0, fixed = true), length_dot(start = 0.93963, fixed = true));
+  parameter Real k = 1e4;
+  Real length_aim, length_aim_dot;
+equation
+  der(length) = length_dot;
+  der(length_dot) = length_ddot;
+  length_aim = 1 + 0.15*sin(6.2642*time);
+  length_aim_dot = der(length_aim);
+  force = k*(length_aim - length) + 2*sqrt(k)*(length_aim_dot - length_dot);
+end Driven;
