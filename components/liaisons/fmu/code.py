@@ -41,8 +41,8 @@ _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
     *("core.h", "instance.h", "inputs.h", "prescribed.h", "solver.h", "symplectic.h", "stiff.h"),
-    *("event_search.h", "events.h", "unilateral.h", "complementarity.h", "contact_rules.h", "impulses.h", "calls.h"),
-    *("fmi_common.h", "fmi_functions.h"),
+    *("event_search.h", "events.h", "unilateral.h", "complementarity.h", "contact_rules.h", "contact_record.h"),
+    *("impulses.h", "calls.h", "fmi_common.h", "fmi_functions.h"),
 )
 
 _FMI_FILES = ("fmi2.c", "fmi_common.c", "starts.c")

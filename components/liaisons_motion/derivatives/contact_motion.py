@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.array_names import suffixed_name
 from liaisons.base.logs import logger
+from liaisons_motion.derivatives.contact_events import ContactEvents
 from liaisons_motion.derivatives.contact_steps import ContactSteps, Entries
 from liaisons_motion.derivatives.contacts import Contacts, Kind
 from liaisons_motion.derivatives.motion import (
@@ -68,6 +69,7 @@ class ContactMotion(SteppedMotion):
 
     contacts: Contacts
     steps: ContactSteps
+    events: ContactEvents
 
     def branch(self, values: ArrayLike) -> Branch:
         """Signals and instants of impacts, with their derivatives on the branch that the motion takes at events."""
@@ -213,19 +215,21 @@ class ContactMotion(SteppedMotion):
         size, room, instants = np.array([self.times[-1] - self.start_time]), STAGE_NUMBERS, self.times.copy()
         numbers = (METHOD.stages + 1) * f.states
         most = max(1, CHUNK_NUMBERS // numbers)
-        for segment in self._segments(k) or [self._empty_segment(k)]:
+        segments = self._segments(k) or [self._empty_segment(k)]
+        recorded_events = self.events.record(k, segments, start_time=self.start_time, tolerance=self.step_tolerance)
+        for segment, happened in zip(segments, recorded_events, strict=True):
             first, landing = self._state_after_event(k, segment.event, y)
             y, slopes = first.copy(), (segment.slopes[0], segment.slopes[-1])
             if not legs and self.times[0] == self.start_time:
                 segment.records[0] = 0
-            whole, failure = self.steps.follow(
-                segment, k, y, size, memory, tolerance=self.step_tolerance, sizes=np.abs(sizes)
+            whole, short_at = self.steps.follow(
+                segment, k, y, size, memory, record=happened, tolerance=self.step_tolerance, sizes=np.abs(sizes)
             )
-            if failure[0] > 0:
-                raise contacts.failure(failure)
-            if failure[0]:
+            if np.isfinite(short_at):
                 table = np.broadcast_to(whole.shared[-1], self.table.shape)
-                self._refuse_stuck(replace(segment, table=table), k, y, failure[1:2], np.empty(0, dtype=np.int_))
+                self._refuse_stuck(
+                    replace(segment, table=table), k, y, np.array([short_at]), np.empty(0, dtype=np.int_)
+                )
             for begin in range(0, len(whole), most):
                 entries, start = whole.part(slice(begin, begin + most)), first
                 room -= len(entries) * numbers
@@ -249,9 +253,16 @@ class ContactMotion(SteppedMotion):
         return Segment(ends, np.zeros((2, len(k))), none, row, limits, self.table, None)
 
 
-def with_contacts(motion: SteppedMotion, contacts: Contacts) -> ContactMotion:
-    """The motion with its contacts; their modes are chosen anew after each break of an input."""
+def with_contacts(motion: SteppedMotion, shared: Sequence[str], driven: Sequence[str]) -> ContactMotion:
+    """The motion with its contacts; their modes are chosen anew after each break of an input.
+
+    :param shared: names of the first shared values; ``driven``: of the inputs that are polynomials of time.
+    """
+    contacts = motion.functions.contacts
+    assert contacts is not None
     settings: dict[str, Any] = {item.name: getattr(motion, item.name) for item in fields(SteppedMotion)}
     settings["table"] = np.hstack([motion.table, np.zeros((len(motion.table), contacts.remembered))])
     settings["jumps"] = motion.breaks[1:-1]
-    return ContactMotion(**settings, contacts=contacts, steps=ContactSteps(contacts, motion.functions.steps))
+    events = ContactEvents(motion.name, motion.functions, motion.names, shared, driven)
+    steps = ContactSteps(contacts, motion.functions.steps)
+    return ContactMotion(**settings, contacts=contacts, steps=steps, events=events)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from liaisons.base.arrays import lane_blocks, rows_of_blocks
 from liaisons_motion.derivatives.compiled_steps import DIRECTIONS, CompiledSteps, refuse_many, stage_room
-from liaisons_motion.derivatives.contacts import Contacts, Kind, complementarity_choose_address
+from liaisons_motion.derivatives.contact_events import ContactRecord
+from liaisons_motion.derivatives.contacts import Contacts, Kind
 from liaisons_motion.derivatives.steps import METHOD, Floats, Segment
 
 
@@ -62,24 +63,34 @@ class ContactSteps:
         self._contacts, self._steps = contacts, steps
 
     def follow(
-        self, segment: Segment, k: Floats, y: Floats, size: Floats, memory: Floats, *, tolerance: float, sizes: Floats
-    ) -> tuple[Entries, Floats]:
-        """Entries of a segment, and why it ends before its end, see :meth:`Contacts.failure`; 0: it does not.
+        self,
+        segment: Segment,
+        k: Floats,
+        y: Floats,
+        size: Floats,
+        memory: Floats,
+        *,
+        record: ContactRecord,
+        tolerance: float,
+        sizes: Floats,
+    ) -> tuple[Entries, float]:
+        """Entries of a segment, and the time from which on no step is small enough; not-a-number if there is none.
 
         :param y: at the start; then where the segment ends; so is the ``memory`` of the contacts.
         :param size: of the first step; then of the next one.
+        :param record: of its events.
         """
-        most, started = 4 * len(segment.rows) + 1000, segment.event is not None
+        most, (events, acts) = 4 * len(segment.rows) + 1000, record
         motion = [len(segment.rows), segment.instants, segment.rows, segment.limits, k, segment.table, float(tolerance)]
         while True:
-            changing, failure = [x.copy() for x in (size, y, memory)], np.zeros(3 + self._contacts.count)
+            changing, short_at = [x.copy() for x in (size, y, memory)], np.full(1, np.nan)
             rows, table = np.empty(most + 1, self._contacts.entry), np.empty((most + 1, segment.table.shape[1]))
             states = [*changing[:2], stage_room(1, y), most, rows, table, segment.records, changing[2]]
-            states += [int(started), failure, complementarity_choose_address()]
+            states += [len(events), events, acts, short_at]
             count = self._steps.call("run", "follow", *motion, sizes, *states)
             if count <= most:
                 size[:], y[:], memory[:] = changing
-                return Entries(rows[:count], segment.limits, table), failure
+                return Entries(rows[:count], segment.limits, table), float(short_at[0])
             refuse_many(most, rows["t"][most - 1])
             most *= 4
 

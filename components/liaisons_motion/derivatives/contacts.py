@@ -1,51 +1,35 @@
 """What contacts do to a motion at an event: C code, and expressions for derivatives.
 
-``contact_run.c`` finds events, and settles them by the rules of an FMU (``unilateral.c``): Newton's restitution and
-Moreau's rule, dry friction, and the end of bounces that are too low to be followed.  Its entries hold the modes in
-which impulses are a smooth function of the state before them.  Where a number by which modes are chosen is 0 there is a
-derivative along those directions only in which it stays 0; that is an entry, too.
+The core of the motion's FMU finds events, settles them and writes down what it did (``contact_record.h``);
+``contact_run.c`` replays that.  Its entries hold the modes in which impulses are a smooth function of the state before
+them.  Where a number by which modes are chosen is 0 there is a derivative along those directions only in which it stays
+0; that is an entry, too.
 """
 
 from __future__ import annotations
 
-import ctypes
 import re
 from enum import IntEnum
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import resources
 from typing import final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.algebra import stack
-from liaisons.base.arrays import Floats
-from liaisons.base.compiled_code import compiled_library
-from liaisons.errors import SimulationError
 from liaisons_motion.right_hand_sides import RightHandSide, c_function
 
-Kind = IntEnum("Kind", "STEP SETTLED LAST RESTORED STRUCK GRAZED WEAK_GAP WEAK_RATE WEAK_IMPACT WEAK_REST", start=0)
-"""Of entries: a step; modes that were chosen; the end of a segment; maps of the state, which put the drift of what is
-held to 0, or are an impact; an indicator that comes near to 0; numbers of a contact that must stay 0."""
-_FAILURES = {
-    "PARADOX": "no force keeps them apart and in their bounds (Painlevé)",
-    "CONTRADICTION": "they contradict each other, or what pushes leaves no way out",
-    "OVERLAPS": "bodies overlap; start with a gap >= 0, and let no prescribed coordinate jump through a body",
-    "REPEATS": "more than 1000 impacts at one instant",
-    "GAINS": "Newton's restitution and friction would gain energy (Kane): take less of either",
-    "STALLED": "more than 1000 events at one instant",
-    "SHORT": "no step is small enough",
-}
-"""Why a motion ends, in the order of the numbers in C; the first ones are those of ``complementarity.h``."""
-_NUMBERS = """
-typedef struct {{ double {numbers}; }} Contacts;
-static ContactNumbers columns(const Contacts *now) {{ return (ContactNumbers){{{columns}}}; }}
-"""
+Kind = IntEnum(
+    "Kind",
+    "LAST RESTORED STEP SETTLED STRUCK CAME_TO_REST GRAZED WEAK_GAP WEAK_RATE WEAK_IMPACT WEAK_REST",
+    start=-3,
+)
+"""Of entries: the end of a segment; a map that puts the drift of what is held to 0; a step; and from 0 on as in
+``contact_record.h``, where a map is an impact, and others are numbers of a contact that must stay 0."""
 _HEAD = """
 enum {{ CONTACTS = {contacts}, GAPS = {gaps}, MEMORY = {memory}, FLAGS = 3 * CONTACTS, I = {indicators} }};
-enum {{ {kinds} }};
-enum {{ {failures} }};
+enum {{ LAST = -3, RESTORED, STEP }};
 static const long NORMALS[CONTACTS] = {{{normals}}}; /* gaps that bound dry friction, or -1 */
 typedef struct {{
     long kind, row, which, record; /* row of shared values; contact; recorded time */
@@ -60,10 +44,10 @@ typedef struct {{
 class Contacts:
     """Contacts of a motion: unilateral liaisons, then dry friction."""
 
-    def __init__(self, name: str, equations: RightHandSide) -> None:
+    def __init__(self, equations: RightHandSide) -> None:
         """Take the equations of the motion."""
         assert equations.contacts is not None
-        self._name, self._equations, self._contacts = name, equations, equations.contacts
+        self._equations, self._contacts = equations, equations.contacts
         self.names, self.gaps = self._contacts.names, self._contacts.gaps
         self.count, self.indicators = len(self.names), self._contacts.indicators
         self.remembered = self.count + 2 * self.gaps
@@ -79,43 +63,21 @@ class Contacts:
 
     def entry_declarations(self) -> str:
         """C declarations of the entries and of the counts of contacts."""
-        return _HEAD.format(
+        return _runtime_text("contact_record.h") + _HEAD.format(
             contacts=self.count,
             gaps=self.gaps,
             memory=self.remembered,
             indicators=self.indicators.numel(),
-            kinds=", ".join(Kind.__members__),
-            failures=", ".join(f"{name} = {i}" for i, name in enumerate(_FAILURES, start=1) if i > 2),
             normals=", ".join(map(str, self._normals)),
         )
 
     def event_code(self) -> str:
         """C code that takes steps through events, see ``contact_run.c``."""
-        point, columns = self._equations.c_arguments(packed=False), self._contacts.numbers
-        functions = {"watch": (point, self.indicators), "contact_numbers": (point, stack(columns.values()))}
-        functions |= {
-            name: ([*point, (self.flags, "flags")], value) for name, value in self.states_after_events.items()
-        }
-        lines = [c_function(name, inputs, [(value, "result")]) for name, (inputs, value) in functions.items()]
-        functions_code = (line for function in lines for line in function)
-        runtime = map(_runtime_text, ("complementarity.h", "contact_rules.h", "event_search.h", "event_search.c"))
-        numbers = _NUMBERS.format(
-            numbers=", ".join(f"{name}[{column.numel()}]" for name, column in columns.items()),
-            columns=", ".join(f".{name} = now->{name}" for name in columns),
-        )
-        return "\n".join(
-            [*runtime, numbers, self.entry_declarations(), *functions_code, packaged_c_file("contact_run")]
-        )
-
-    def failure(self, numbers: Floats) -> SimulationError:
-        """Error for a motion that cannot go on.
-
-        :param numbers: from C: index of the failure, instant, value, and a flag for each contact.
-        """
-        why, (t, value) = list(_FAILURES)[int(numbers[0]) - 1], numbers[1:3]
-        names = ", ".join(name for name, concerned in zip(self.names, numbers[3:], strict=True) if concerned)
-        names += f" = {value:.6g}" if why == "OVERLAPS" else ""
-        return SimulationError(f"{self._name}: {names} at t = {t:.9g} s: {_FAILURES[why]}")
+        point = [*self._equations.c_arguments(packed=False), (self.flags, "flags")]
+        maps = (c_function(name, point, [(value, "result")]) for name, value in self.states_after_events.items())
+        functions_code = (line for function in maps for line in function)
+        head = [_runtime_text("complementarity.h"), self.entry_declarations()]
+        return "\n".join([*head, *functions_code, packaged_c_file("contact_run")])
 
     # ---- expressions
 
@@ -175,14 +137,6 @@ class Contacts:
             force, moves = (least - ca.fabs(x[i]), self._direction[i]) if i >= self.gaps else (x[i], 1 - self._held[i])
             rows.append(self._held[i] * force * G[i, i] + moves * after[i])
         return stack(rows)
-
-
-@cache
-def complementarity_choose_address() -> NDArray[np.uintp]:
-    """Address of the C function ``complementarity_choose`` of an FMU, (1,)."""
-    code = _runtime_text("complementarity.h") + _runtime_text("complementarity.c")
-    function = compiled_library(code, "-ffp-contract=off").complementarity_choose
-    return np.array([ctypes.cast(function, ctypes.c_void_p).value], dtype=np.uintp)
 
 
 def _runtime_text(name: str) -> str:

@@ -14,6 +14,7 @@ from liaisons.expressions import Program
 from liaisons.mechanics import Model
 from liaisons_motion.derivatives.compiled_steps import CompiledSteps
 from liaisons_motion.derivatives.contacts import Contacts
+from liaisons_motion.ensembles import Members, model_with_operators
 from liaisons_motion.right_hand_sides import ContinuousModel, RightHandSide
 
 
@@ -21,11 +22,11 @@ from liaisons_motion.right_hand_sides import ContinuousModel, RightHandSide
 class MotionFunctions:
     """Functions of one motion, each made when it is needed: steps, start, events and signals."""
 
-    def __init__(self, model: Model, equations: RightHandSide) -> None:
-        """Take the model and the equations of the motion."""
-        self._model, self._equations = model, equations
+    def __init__(self, moved: ContinuousModel, equations: RightHandSide) -> None:
+        """Take the model with its operators, and the equations of the motion."""
+        self.model, self._moved, self._equations = moved.model, moved, equations
         self._t, self._k, self._s, self._y = equations.symbols
-        self.contacts = None if equations.contacts is None else Contacts(model.name, equations)
+        self.contacts = None if equations.contacts is None else Contacts(equations)
         self.steps = CompiledSteps(equations, self.contacts)
         self.condition_texts, self.out_of_reach = equations.condition_texts, equations.out_of_reach
         self.prescribed_values = equations.prescribed_values
@@ -36,10 +37,15 @@ class MotionFunctions:
         """Names of the active coordinates that move states when they jump."""
         from liaisons.fmu import jump_effects
 
-        effects, active = jump_effects(self._model), [a.value for a in self._model.active]
+        effects, active = jump_effects(self.model), [a.value for a in self.model.active]
         moving = np.isin(active, self.prescribed_names)
         carries = effects.moves | effects.mixes[:, moving].any(axis=1)
         return {name for name, carried in zip(active, carries, strict=True) if carried}
+
+    @cached_property
+    def members(self) -> Members:
+        """An instance of the core of the motion's FMU, whose contacts it records."""
+        return Members(model_with_operators(self._moved), 1)
 
     @cached_property
     def start(self) -> ca.Function:
@@ -113,4 +119,4 @@ def motion_functions(
 ) -> MotionFunctions:
     """Functions of a motion; those of the last 32 motions are cached."""
     moved = ContinuousModel(model, dict(moving))
-    return MotionFunctions(model, moved.right_hand_side(lanes=names, shared=shared, record=record, driven=driven))
+    return MotionFunctions(moved, moved.right_hand_side(lanes=names, shared=shared, record=record, driven=driven))

@@ -141,7 +141,7 @@ def motion_of(
         return motion
     from liaisons_motion.derivatives.contact_motion import with_contacts
 
-    return with_contacts(motion, functions.contacts)
+    return with_contacts(motion, shared, tuple(driven))
 
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:

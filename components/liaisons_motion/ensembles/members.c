@@ -63,6 +63,32 @@ EXPORT void step_members(long count, Member members[], const double begin[], lon
     }
 }
 
+/* Start a member with n values at a time, and record what its contacts do in steps to later ones, at whose start m inputs and
+ * their ORDER derivatives are set, input after input.  Beyond `most` records are only counted; numbers[k]: of those before
+ * step k.  An end that is no later than the one before takes no step. */
+EXPORT void record_member(Member *member, double time, double tolerance, long n, const unsigned references[],
+                          const double values[], long steps, const double ends[], long m, const unsigned inputs[],
+                          const double polynomials[], long most, ContactEvent events[], ContactAct acts[], long numbers[]) {
+    ContactRecord record = {events, acts, 0, (size_t)most};
+    Instance *self = member->instance;
+    Arrival arrival;
+    core_record_contacts(self, &record);
+    start_members(1, member, time, tolerance, n, references, values);
+    for (long k = 0; k < steps && member->reason[0] == '\0'; time = ends[k++]) {
+        numbers[k] = (long)record.count;
+        if (!(ends[k] > time)) continue;
+        for (long i = 0; i < m; i++) {
+            const double *c = polynomials + (k * m + i) * COEFFICIENTS;
+            core_set(self, &inputs[i], 1, c, 1);
+            for (int order = 1; order <= ORDER; order++)
+                core_set_input_derivatives(self, &inputs[i], 1, &order, &c[order]);
+        }
+        core_step(self, time, ends[k] - time, &arrival);
+    }
+    numbers[steps] = (long)record.count;
+    core_record_contacts(self, NULL);
+}
+
 /* Read n numbers of each member that has not failed. */
 EXPORT void read_values(long count, Member members[], long n, const unsigned references[], double values[]) {
     for (Member *member = members; member < members + count; member++, values += n)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from importlib import resources
+from itertools import pairwise
 from threading import Lock
 from typing import Any, final
 from weakref import finalize
@@ -26,6 +27,11 @@ from liaisons_motion.right_hand_sides import ContinuousModel
 
 _MEMBER = np.dtype([("instance", np.uintp), ("reason", "S512")])
 """As in ``members.c``."""
+EVENT = np.dtype([("time", "d"), ("scale", "d"), ("kind", "l"), ("which", "l")])
+ACT = np.dtype([("impulse", "d"), ("rests_from", "d"), ("mode", "l"), ("approaches", "l"), ("counts", "l")])
+"""As in ``contact_record.h``: an event of contacts, and what each contact does in it."""
+_RECORDS = 1000
+"""Records that there is room for at first."""
 _LOCK = Lock()
 """Of the libraries, so that threads do not compile the same one at once."""
 
@@ -54,6 +60,7 @@ class Members:
     def __init__(self, model: Model, count: int) -> None:
         with _LOCK:
             (self._code, references), self._prefix = _members_library(model), f"{model.name}."
+        self._contacts = len(model.contacts)
         self._lock = Lock()  # an instance is of one thread at a time
         self._references = {name.removeprefix(self._prefix): number for name, number in references.items()}
         created = False
@@ -90,6 +97,32 @@ class Members:
         self._call("read_values", self._members, names, values)
         return values
 
+    def record(
+        self, values: Mapping[str, float], inputs: Mapping[str, Floats], ends: Floats, *, time: float, tolerance: float
+    ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+        """Start the first member, step it from end to end, and return what its contacts do at events in each step.
+
+        :param values: of parameters and inputs at the start.
+        :param inputs: values and five derivatives at the start of each step, (steps, 6).
+        :param ends: of steps [s], ascending; one that is not later than the one before takes no step.
+        :returns: events, and acts of contacts (events, contacts), step by step; as in ``contact_record.h``.
+        :raises SimulationError: where the motion ends before.
+        """
+        polynomials = np.ascontiguousarray(np.stack([*inputs.values()], axis=1)) if inputs else np.empty(0)
+        start, most, numbers = np.array([*values.values()]), _RECORDS, np.zeros(len(ends) + 1, dtype=np.int_)
+        while True:
+            events, acts = np.empty(most, EVENT), np.empty((most, self._contacts), ACT)
+            asked = [float(time), float(tolerance), *self._numbered(list(values)), start, len(ends), ends]
+            asked += [*self._numbered(list(inputs)), polynomials, most, events, acts, numbers]
+            with self._lock:
+                call_c_function(self._code, "record_member", self._members[:1], *asked)
+            if reasons := self.failures():
+                raise SimulationError(reasons[0])
+            if numbers[-1] <= most:
+                parts = pairwise([0, *numbers[1:].tolist()])
+                return [(events[begin:end], acts[begin:end]) for begin, end in parts]
+            most = int(numbers[-1])
+
     def failures(self) -> dict[int, str]:
         """Reasons of the members that have failed."""
         reasons = self._members["reason"]
@@ -100,12 +133,13 @@ class Members:
         """Call a function of ``members.c``, with names passed as their number and their value references."""
         made = list[Any]()
         for argument in arguments:
-            if isinstance(argument, (list, tuple)):
-                made += [len(argument), np.array([self._references[name] for name in argument], dtype=np.uintc)]
-            else:
-                made.append(argument)
+            made += self._numbered(argument) if isinstance(argument, (list, tuple)) else [argument]
         with self._lock:
             call_c_function(self._code, function, len(members), members, *made)
+
+    def _numbered(self, names: Sequence[str]) -> list[Any]:
+        """How many names there are, and their value references."""
+        return [len(names), np.array([self._references[name] for name in names], dtype=np.uintc)]
 
 
 @lru_cache

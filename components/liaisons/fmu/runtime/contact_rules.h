@@ -1,5 +1,5 @@
-/* Rules of contacts at one instant: what is rounding, what takes part in an impact, what rests, which bounces are low.  They
- * hold in FMUs and in derivatives; nothing here knows an instance. */
+/* Rules of contacts at one instant: what is rounding, what takes part in an impact, what rests, which bounces are low.
+ * Nothing here knows an instance. */
 #ifndef LIAISONS_CONTACT_RULES_H
 #define LIAISONS_CONTACT_RULES_H
 

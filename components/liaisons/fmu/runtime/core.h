@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "contact_record.h"
 #include "contact_rules.h"
 
 /* ---- the component: constant tables and functions, generated into model.c ---- */
@@ -216,6 +217,9 @@ typedef struct {
 Instance *core_new(const Model *model, const Options *options);
 void core_free(Instance *);
 void core_reset(Instance *);
+
+/* Write down what contacts do at events from here on; NULL: no more. */
+void core_record_contacts(Instance *, ContactRecord *);
 
 Phase core_phase(const Instance *);
 Use core_use(const Instance *);

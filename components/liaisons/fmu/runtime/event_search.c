@@ -34,9 +34,9 @@ static double fall(const EventSearch *s, size_t which, double a, double at_a, do
     return b;
 }
 
-/* Find where an indicator turns between parts a and b (golden section: it may have a kink there); the part at which it
- * falls below 0, 2 if it does not. */
-static double turn(const EventSearch *s, size_t which, double a, double at_a, double b, double *graze) {
+/* Find where an indicator turns between parts a and b (golden section: it may have a kink there), and grazes if it does so
+ * below a value; the part at which it falls below 0, 2 if it does not. */
+static double turn(const EventSearch *s, size_t which, double a, double at_a, double b, double below, double *graze) {
     static const double GOLDEN = 0.6180339887498949;
     double values[MOST_INDICATORS], low = a, high = b, left = b - GOLDEN * (b - a), right = a + GOLDEN * (b - a);
     double at_left, at_right;
@@ -62,7 +62,7 @@ static double turn(const EventSearch *s, size_t which, double a, double at_a, do
     }
     const double part = at_left < at_right ? left : right, least = fmin(at_left, at_right);
     if (least < -GRAZING) return fall(s, which, a, at_a, part, least);
-    if (least < GRAZING) *graze = part;
+    if (least < fmin(GRAZING, below)) *graze = part;
     return 2;
 }
 
@@ -79,8 +79,8 @@ static double scan(const EventSearch *s, double a, const double at_a[], double b
         const int far = fmin(low, values[i]) > 4 * bend, straight = fabs(at_b[i] - at_a[i]) > 8 * bend || bend == 0;
         clear = far || straight || (depth == 0 && low >= 0 && values[i] >= 0);
         if (at_b[i] < 0 && (straight || depth == 0)) first = fmin(first, fall(s, i, a, at_a[i], b, at_b[i]));
-        else if (graze != NULL && clear && !far && !straight)
-            first = fmin(first, turn(s, i, a, at_a[i], b, graze));
+        else if (graze != NULL && clear && !far && !(straight && low <= GRAZING)) /* near a kink it is straight, too */
+            first = fmin(first, turn(s, i, a, at_a[i], b, straight ? low / 2 : INFINITY, graze));
     }
     if (clear || depth == 0) return first;
     first = scan(s, a, at_a, middle, values, depth - 1, graze);

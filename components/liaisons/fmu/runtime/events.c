@@ -101,9 +101,11 @@ Signal events_locate(const Problem *p, double t, double *h, const double y[], do
     Step step = {p, t, *h, *h, y, events_columns(p, work), column(p, work, EVENT_COLUMNS - 1), repeat, method};
     const EventSearch search = {&step, p->events->indicators, look, repeat_step};
     size_t which;
-    double part = event_search_first(&search, NULL);
+    double graze = NAN, part = event_search_first(&search, p->events->note != NULL ? &graze : NULL);
     *crossed = part <= 1;
     if (*crossed && !event_search_repeat(&search, &part, &which)) return STOP;
+    if (isfinite(graze)) p->events->note(p->context, t + graze * *h, -1);
+    if (*crossed && p->events->note != NULL) p->events->note(p->context, t + step.h, (long)which);
     *h = step.h;
     return GO_ON;
 }

@@ -192,6 +192,8 @@ void core_reset(Instance *self) {
     self->starts = NULL;
 }
 
+void core_record_contacts(Instance *self, ContactRecord *record) { self->contacts.record = record; }
+
 Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
 
 Use core_use(const Instance *self) { return self->options.use; }

@@ -174,6 +174,8 @@ typedef struct {
     ContactNumbers numbers; /* columns of all */
     double lowest; /* part of its scale below which bounces of a gap are summed */
     const double *before; /* rates before inputs have jumped in an impact; NULL: they have not */
+    ContactRecord *record; /* NULL: nobody asks for it */
+    long crossed; /* the contact whose indicator has ended a step of the solver, counted from 1; 0: none has */
 } Contacts;
 
 struct Instance {

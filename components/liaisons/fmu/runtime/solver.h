@@ -29,6 +29,8 @@ struct Events {
     size_t indicators; /* an event is where one of them falls below 0 */
     int (*watch)(void *context, double t, const double y[], double indicators[]); /* 0: it cannot be there */
     double least; /* how far apart events are: what the clock resolves */
+    /* Told which indicator falls, or -1: one turns too near to 0 to tell; NULL: nobody asks for either. */
+    void (*note)(void *context, double t, long which);
 };
 
 enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000, FEW_STEPS = 8192 };

@@ -332,13 +332,21 @@ static double clock_resolution(const Step *step) {
     return nextafter(latest, INFINITY) - latest;
 }
 
+static void note_event(void *context, double t, long which) {
+    Instance *self = context;
+    if (which < 0) core_note_graze(self, self->step.start + t);
+    else self->contacts.crossed = which + 1;
+}
+
 /* Integrate the states from the start of the step to its end, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
     const size_t indicators = self->model->indicators;
     Events events;
-    if (has_contacts()) events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step)};
+    if (has_contacts())
+        events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step),
+                          self->contacts.record != NULL ? note_event : NULL};
     Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                        moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
                        has_contacts() ? &events : NULL, report_stiffness};

@@ -18,6 +18,9 @@ static const double COARSE[] = {0.1, 100};
 static const double ERRORS = 10;
 /* What an importer may be off that hands over impulses: a gap below this part of its scale touches. */
 static const double NEAR = 1e-11;
+/* What modes are chosen by is 0 in a record below this part of its scale. */
+static const double DEGENERATE = 1e-9;
+
 static const char *name_of(const Model *model, size_t i) {
     return i < model->gaps ? model->gap[i].name : model->friction[i - model->gaps].name;
 }
@@ -60,6 +63,85 @@ static Complementarity problem(const Instance *self, int impulses) {
     p.slide = c->slide;
     for (size_t i = 0; i < model->frictions; i++) p.normal[i] = model->friction[i].normal;
     return p;
+}
+
+/* ---- the record ----------------------------------------------------------------------------------------------------- */
+
+/* Add a record of contacts in some modes; what they do in it, or NULL: there is no room. */
+static ContactAct *note(Instance *self, double time, long kind, long which, double scale, const Modes modes) {
+    const Model *model = self->model;
+    ContactRecord *record = self->contacts.record;
+    const size_t k = record->count++;
+    if (k >= record->most) return NULL;
+    ContactAct *acts = record->acts + k * model->indicators;
+    record->events[k] = (ContactEvent){time, scale, kind, which};
+    for (size_t i = 0; i < model->indicators; i++)
+        acts[i] = (ContactAct){.mode = modes[i], .rests_from = i < model->gaps ? self->v.m[model->gap[i].rests_from] : 0};
+    return acts;
+}
+
+void core_note_graze(Instance *self, double time) {
+    static const Modes NONE;
+    note(self, time, GRAZED, -1, 0, NONE);
+}
+
+/* Add the rates before an impact, and what it does, to a record. */
+static void note_impact(Instance *self, ContactAct acts[], const double before[], const double x[]) {
+    const ContactNumbers *c = &self->contacts.numbers;
+    for (size_t i = 0; i < self->model->indicators && acts != NULL; i++) {
+        const int gap = i < self->model->gaps;
+        acts[i].impulse = x[i];
+        acts[i].approaches = gap && before[i] < 0;
+        acts[i].counts = gap && x[i] > 0 && contact_counts(c, i, before[i]);
+    }
+}
+
+/* Whether a contact can have a force, by the gaps that touch, or are closed. */
+static int presses(const Model *model, const int touching[], size_t i) {
+    const long normal = i < model->gaps ? (long)i : model->friction[i - model->gaps].normal;
+    return normal < 0 || touching[normal];
+}
+
+/* Add records of those contacts whose modes are chosen by numbers that are 0: forces of what is closed, rates of what is
+ * not, in units of rates.  before: an impact; or NULL. */
+static void note_choice(Instance *self, double time, const Complementarity *p, const Modes modes, const double x[],
+                        const double rate[], const double before[]) {
+    const ContactNumbers *c = &self->contacts.numbers;
+    int closed[MOST_CONTACTS];
+    for (size_t i = 0; i < p->gaps; i++) closed[i] = modes[i] == CLOSED;
+    for (size_t k = 0; k < p->n; k++) {
+        const size_t i = p->contact[k];
+        const int gap = i < p->gaps;
+        const long normal = gap ? -1 : p->normal[i - p->gaps];
+        const double least = gap ? 0 : p->stick[i - p->gaps] * (normal >= 0 ? x[normal] : 1);
+        const double spare = gap ? x[i] : least - fabs(x[i]), scale = (before != NULL ? c->rate_scale : c->acceleration_scale)[i];
+        const double slack = complementarity_holds(p, modes, i) ? spare * c->G[i * (p->contacts + 1)] : (gap ? 1 : modes[i]) * rate[i];
+        if (slack > DEGENERATE * scale || !(gap || presses(self->model, closed, i))) continue;
+        ContactAct *acts = note(self, time, before != NULL ? WEAK_IMPACT : WEAK_REST, (long)i, scale, modes);
+        if (before != NULL) note_impact(self, acts, before, x);
+    }
+}
+
+/* Add records of gaps that touch beside the one that has ended the step. */
+static void note_touching(Instance *self, double time, const int touching[], const int was_closed[]) {
+    const Modes none = {0};
+    for (size_t i = 0; i < self->model->gaps; i++)
+        if (touching[i] && !was_closed[i] && (long)i + 1 != self->contacts.crossed)
+            note(self, time, WEAK_GAP, (long)i, self->contacts.numbers.scale[i], none);
+}
+
+/* Add records of the modes at the end of an event, and of rates that are 0 beside the one that has ended the step. */
+static void note_settled(Instance *self, double time, const int touching[], const Modes before, const Modes modes) {
+    const ContactNumbers *c = &self->contacts.numbers;
+    const Complementarity p = problem(self, 0);
+    const int started = self->s->phase >= EVENT;
+    for (size_t i = 0; i < p.contacts; i++) {
+        const int holds = started && complementarity_holds(&p, before, i);
+        if (fabs(c->v[i]) <= STILL * c->rate_scale[i] && !holds && (long)i + 1 != self->contacts.crossed
+            && presses(self->model, touching, i))
+            note(self, time, WEAK_RATE, (long)i, c->rate_scale[i], modes);
+    }
+    note(self, time, SETTLED, self->contacts.crossed - 1, 0, modes);
 }
 
 /* ---- states that jump --------------------------------------------------------------------------------------------- */
@@ -200,11 +282,13 @@ static int strike(Instance *self, double time, const int touching[]) {
     memcpy(before, together ? self->contacts.before : c->v, n * sizeof *before);
     contact_add_impact(c, touching, before, &p, modes);
     if (!choose(self, &p, time, modes, x, rate)) return 0;
+    if (self->contacts.record != NULL) note_choice(self, time, &p, modes, x, rate, before);
     for (size_t i = 0; i < n; i++) /* of ports whose rates jump the mean rates work */
         self->v.y[model->states - 2] += x[i] * (c->v[i] - before[i]) / 2;
     self->contacts.before = NULL;
     hit(self, time, x);
     inspect(self, time);
+    if (self->contacts.record != NULL) note_impact(self, note(self, time, STRUCK, -1, 0, modes), before, x);
     if (!together && contact_gains_energy(c, n, before, x))
         return refuse(self, &p, time, "Newton's restitution and friction would gain energy (Kane): take less of either");
     for (size_t i = 0; i < n; i++) {
@@ -272,11 +356,11 @@ void core_follow_gaps(Instance *self) {
 }
 
 /* Choose modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
-static int rest(Instance *self, double time, const int touching[], Modes modes, double x[], double rate[]) {
-    Complementarity p = problem(self, 0);
+static int rest(Instance *self, double time, const int touching[], Complementarity *p, Modes modes, double x[], double rate[]) {
+    *p = problem(self, 0);
     read_modes(self, modes);
-    contact_add_rest(&self->contacts.numbers, touching, &p, modes);
-    return choose(self, &p, time, modes, x, rate);
+    contact_add_rest(&self->contacts.numbers, touching, p, modes);
+    return choose(self, p, time, modes, x, rate);
 }
 
 /* Whether a gap is at 0; one that is closed may have drifted from it. */
@@ -298,6 +382,7 @@ int core_is_unsettled(Instance *self, double time) {
     const ContactNumbers *c = &self->contacts.numbers;
     int touching[MOST_CONTACTS];
     double x[MOST_CONTACTS], rate[MOST_CONTACTS];
+    Complementarity p;
     Modes present, modes;
     if (!has_contacts()) return 0;
     inspect(self, time);
@@ -306,7 +391,7 @@ int core_is_unsettled(Instance *self, double time) {
         touching[i] = touches(self, i, time);
         if (touching[i] && contact_approaches(c, i, c->v[i])) return 1;
     }
-    return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
+    return !rest(self, time, touching, &p, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
 }
 
 /* Find a gap whose bounces are so small that the rest of them is summed, and when they end; gaps if there is none.  With
@@ -340,6 +425,11 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes, con
     size_t list[MOST_CONTACTS], held = 0;
     for (size_t i = 0; i < model->gaps; i++)
         if (i == gap || modes[i] == CLOSED) list[held++] = i;
+    if (self->contacts.record != NULL) {
+        Modes brought = {0};
+        for (size_t a = 0; a < held; a++) brought[list[a]] = CLOSED;
+        note(self, time, CAME_TO_REST, (long)gap, 0, brought);
+    }
     for (size_t a = 0; a < held; a++) right[a] = -c->v[list[a]];
     annulling(self, list, held, right);
     for (size_t a = 0; a < held; a++) impulses[list[a]] = right[a];
@@ -363,7 +453,10 @@ static int settle(Instance *self, double time, int late) {
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS], jumps[MOST_CONTACTS] = {0};
     size_t list[MOST_CONTACTS], held = 0;
     const double *before = self->contacts.before;
-    Modes modes;
+    const int records = self->contacts.record != NULL;
+    Complementarity resting;
+    Modes modes, present = {0};
+    if (records) read_modes(self, present);
     inspect(self, time);
     if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
@@ -374,6 +467,7 @@ static int settle(Instance *self, double time, int late) {
         overlap[i] = fmax(0, -c->gap[i] / c->scale[i]);
         if (touching[i] && c->gap[i] != 0) list[held++] = i;
     }
+    if (records) note_touching(self, time, touching, was_closed);
     touch(self, time, list, held);
     for (;;) {
         const int together = self->contacts.before != NULL; /* with others, which react before there is another impact */
@@ -394,7 +488,7 @@ static int settle(Instance *self, double time, int late) {
         if (together) break;
     }
     for (size_t tries = 0;; tries++) {
-        if (!rest(self, time, touching, modes, x, rate)) return 0;
+        if (!rest(self, time, touching, &resting, modes, x, rate)) return 0;
         const size_t low = tries > gaps ? gaps : lowest_bounce(self, time, touching, was_closed, modes, rate, rises, before, struck);
         if (low == gaps) break;
         stop(self, time, low, modes, jumps);
@@ -409,6 +503,11 @@ static int settle(Instance *self, double time, int late) {
         *closed_of(self, i) = modes[i] == CLOSED ? 1 : slow ? -error : 0;
     }
     for (size_t i = 0; i < model->frictions; i++) self->v.m[model->friction[i].direction] = modes[gaps + i];
+    if (records) {
+        note_choice(self, time, &resting, modes, x, rate, NULL);
+        note_settled(self, time, touching, present, modes);
+        self->contacts.crossed = 0;
+    }
     const Complementarity all = problem(self, 0);
     for (size_t i = 0; i < n; i++) {
         const int begins = i >= gaps && modes[i] * c->v[i] < 0; /* to slide against the rounding of its rate, an event again */

@@ -21,6 +21,8 @@ void core_uphold_before(Instance *);
 void core_contact_rates(Instance *, double time, double rate[]);
 /* The first instant after a time at which bounces that have been summed end; infinity if there is none. */
 double core_next_rest(const Instance *, double time);
+/* Write down that an event indicator turns too near to 0 to tell whether it falls below. */
+void core_note_graze(Instance *, double time);
 /* A prescribed coordinate has jumped a little: bodies that it touches go with it. */
 void core_follow_gaps(Instance *);
 
