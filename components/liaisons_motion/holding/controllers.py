@@ -169,7 +169,9 @@ class Controller:
             if trajectory.after == "repeats":
                 settings["repeats"] = self.duration
             regulators.append(system.add(f"{self.name}_{name}", fmu, **settings))
-            outputs = ("held",) if is_force else port_names("y")[:3]
+            # From knot to knot, which may be less than a period, "held" comes one sample late.
+            shown = "force" if trajectory.times.size > 1 else "held"
+            outputs = (shown,) if is_force else port_names("y")[:3]
             sources |= {end: regulators[-1][y] for end, y in zip(triple, outputs, strict=True)}
         system.experiment = DefaultExperiment(
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))

@@ -2,9 +2,9 @@
 
 At each communication point the regulators read the mechanism's states and add corrections to σ, which third-order
 integrators generate (see :class:`liaisons.models.Regulator`), and to forces, which are constant from sample to sample
-(:class:`liaisons.models.ForceRegulator`).  To first order the FMUs perform x(t + H) = A x(t) + B w
-over one step, see :mod:`liaisons_motion.holding.sampling`.  The gains solve Riccati's equation of this discrete system,
-or of a periodic one; uncontrollable directions have none.
+(:class:`liaisons.models.ForceRegulator`), or beside a planned σ straight lines, for the mechanism interpolates there.
+To first order the FMUs perform x(t + H) = A x(t) + B w over one step, see :mod:`liaisons_motion.holding.sampling`.
+The gains solve Riccati's equation of this discrete system, or of a periodic one; uncontrollable directions have none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from liaisons.base.arguments import check_finite, check_positive, merged_start_values, name_dictionary, shown
 from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
-from liaisons.base.clocks import time_rounding
+from liaisons.base.clocks import CLOCK_ERROR, time_rounding
 from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError
 from liaisons.language import Orientation
@@ -109,7 +109,8 @@ def hold(
         run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
 
     Once a step the regulators read the states x and choose accelerations of σ, or forces, w, that minimise the sum of
-    Σ weight (x - x_0)² + effort w² over all steps.  A force acts one step after the sample that it answers.  Each
+    Σ weight (x - x_0)² + effort w² over all steps.  A force acts one step after the sample that it answers; beside
+    moves of a plan it goes there along a straight line.  Each
     variable is divided by its size: 1 for an angle, for a length that at which the mass has the angles' moment of
     inertia (for a pendulum its length); time is in radians of the free motion.  A moved coordinate on which no equation
     depends (the angle of a wheel) is held only if it is given by name.  A closed plan is repeated; if the mechanism can
@@ -328,6 +329,8 @@ def _reference_trajectory(
         words = f"more than {_MOST_STEPS} steps; give a longer one"
         raise PlanError(f"{sampled.name}: step_size = {step_size:g} over {T:g} s: {words}")
     instant = max(motion.jump_lead, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
+    if sampled.interpolates_forces:
+        instant = 10 * CLOCK_ERROR * step_size  # and regulators of forces two samples
     parts = []
     for begin, end in pairwise([0.0, *motion.switches, T]):
         count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
@@ -356,14 +359,16 @@ def _reference_trajectory(
         after, last = "repeats", planned[:, :, 0]
     elif order < 2 or not np.any(is_moving & stops):
         rates = np.abs(sampled.rates(end, at_rest)) * sampled.time
-        if np.all(rates <= _CLOSURE * sampled.sizes[: len(end)]):
+        ends = [_finite_ends(motion.goal.bounds.get(name, (None, None))) for name in sampled.controls]
+        has_force = all(a <= x <= b for x, (a, b) in zip(at_rest[len(moves) :, 0], ends, strict=True))
+        if has_force and np.all(rates <= _CLOSURE * sampled.sizes[: len(end)]):
             after, last = "rests", at_rest
     if not moves:
         planned[:, :, -1] = last
         reference[sampled.rows.index(len(sampled.names)) :, -1] = last[:, 0]
     elif np.any(np.abs(last - planned[:, :, -1]) > _CLOSURE * size):
         times = np.append(times[:-1], [T - instant, T])
-        planned = np.dstack([planned, last])
+        planned = np.dstack([planned[:, :, :-1], planned_motion(motion, times[-2:-1]), last])
         reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     returns = all(name.endswith(Orientation.quaternion) for name in open_states)
     return ReferenceTrajectory(times, planned, reference, after), steps, returns
@@ -374,8 +379,8 @@ def _corrected_steps(
 ) -> tuple[Floats, list[Step]]:
     """States and linearised steps along the plan; the states are corrected to end at its end.
 
-    Without the feedback integration errors may grow on the way.  Forces, which are held between communication points
-    as means of the planned ones, are corrected themselves, in place, where bounds leave room.
+    Without the feedback integration errors may grow on the way.  Forces, which between communication points are means
+    of the planned ones, or straight lines, are corrected themselves, in place, where bounds leave room.
 
     :raises PlanError: if the steps miss the plan's end by more than a linear correction can mend.
     """
@@ -407,14 +412,17 @@ def _corrected_steps(
 def _correct_forces(
     motion: Plan, sampled: SampledMechanism, planned: Floats, steps: list[Step], missed: Floats
 ) -> None:
-    """Add to the held forces, in place, the least correction that makes up for a miss of the end, to first order.
+    """Add to the sampled forces, in place, the least correction that makes up for a miss of the end, to first order.
 
-    Each is weighed by its distance from its bounds, so that what is at a bound stays there.
+    Each is weighed by its distance from its bounds, so that what is at a bound stays there.  The last one is not
+    corrected, nor, where forces are interpolated, the first one, which may have to be the same.
     """
     n, c = len(sampled.names), len(sampled.moves)
     columns = [sampled.states.index(name) for name in sampled.controls]
     to_end, effects = np.eye(n), list[Floats]()
-    for A, _ in reversed(steps):
+    for A, B in reversed(steps):
+        if effects:
+            effects[-1] += to_end @ B[:n, c:]  # a force at the end of this step is that at the start of the next one
         effects.append(to_end @ A[:n, columns])
         to_end = to_end @ A[:n, :n]
     sizes = sampled.input_sizes[c:, None]
@@ -422,6 +430,7 @@ def _correct_forces(
     ends = np.array([motion.goal.bounds.get(name, (None, None)) for name in sampled.controls], dtype=float)[:, :, None]
     room = np.fmin(forces - ends[:, 0], ends[:, 1] - forces) / sizes  # not-a-number where there is no bound
     weights = np.where(np.isnan(room), 1.0, room.clip(0.0, 1.0))
+    weights[:, :1] *= not sampled.interpolates_forces
     effect = np.stack(effects[::-1], axis=2).transpose(0, 2, 1)  # (states, steps, forces)
     weighed = (effect * weights.T).reshape(n, -1)
     change = np.linalg.lstsq(weighed, missed, rcond=1e-10)[0].reshape(-1, len(columns))

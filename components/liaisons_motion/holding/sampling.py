@@ -1,9 +1,10 @@
 """First-order deviations of a mechanism from a motion, from one communication point to the next.
 
 The equations of the FMUs are linearised along the motion that they perform: within a step a correction of σ is the
-polynomial that the mechanism reconstructs from its inputs; a force is constant, and what a regulator computes at a
-sample acts from the next one on.  The matrices of a step therefore include the sampling, and are exact up to the error
-of their integration.
+polynomial that the mechanism reconstructs from its inputs; a force is constant, or beside a plan's σ, between which the
+mechanism interpolates, a straight line from sample to sample.  What a regulator computes at a sample is the force at
+the next one.  The matrices of a step therefore include the sampling, and are exact up to the error of their
+integration.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ class SampledMechanism:
     :param time: time [s] in which states change by their sizes, if no free motion determines it.
     :param longest: longest radian [s] of a free motion that determines it.
     :param extents: greatest absolute values of coordinates on the motion; unless given those at the start.
+    :ivar interpolates_forces: whether forces are straight lines between samples, for the mechanism interpolates inputs.
     :ivar states: names of all states: ``names``, σ if it is held, forces, σ̇, σ̈.
     :ivar names: states of the mechanism that moves act on, or on which these depend.
     :ivar free: coordinates that are held.
@@ -60,6 +62,7 @@ class SampledMechanism:
         self.symbols = symbols = goal_symbols(goal)
         self.interpolate = interpolate
         self.name, self.moves, self.controls, self.driven = symbols.name, goal.moves, goal.controls, goal.driven
+        self.interpolates_forces = interpolate and bool(goal.moves)
         starts, start = symbols.start_parameters, symbols.start
         self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
         self.sigma = np.zeros((len(self.driven), 3))
@@ -278,18 +281,19 @@ class SampledMechanism:
         """Function (z, p, 1) -> z at the end of a step, by the Runge-Kutta method.
 
         z has the states and, beside them, their derivatives by the states at the start of the step, by the corrections
-        of σ at both ends and by those of forces; its last row is the elapsed part of the step.  p has the coefficients
-        of σ, of forces and of corrections, and the size of the step.
+        of σ at both ends and by forces at its start and its end; its last row is the elapsed part of the step.  p has
+        the coefficients of σ, of forces and of corrections, and the size of the step.
         """
         n, c, m = len(self.names), len(self.moves), len(self.driven)
-        columns = 1 + n + 6 * c + m - c
+        columns = 1 + n + 6 * c + 2 * (m - c)
         z, p = ca.MX.sym("z", n + 1, columns), ca.MX.sym("p", 6, m + 7)
         step_size = p[0, -1]
         bases = _powers_and_derivatives(z[n, 0], step_size)
         slopes = self._rates_and_slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :m]))
         of_motion = slopes[:, [1 + n + order * m + i for order in range(3) for i in range(c)]]
         moved = of_motion @ ca.kron(bases @ p[:, m:-1], ca.DM.eye(c)) if c else ca.MX(n, 0)
-        forced = ca.horzcat(moved, slopes[:, [1 + n + i for i in range(c, m)]])
+        of_forces, late = slopes[:, [1 + n + i for i in range(c, m)]], z[n, 0] * self.interpolates_forces
+        forced = ca.horzcat(moved, of_forces * (1 - late), of_forces * late)
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
         clock = ca.horzcat(1, ca.MX(1, columns - 1))
         return runge_kutta(z, p, ca.vertcat(step_size * ca.horzcat(slopes[:, 0], change), clock))
@@ -299,32 +303,32 @@ class SampledMechanism:
         n, c, m = len(self.names), len(self.moves), len(self.driven)
         ends = self._reconstruction_matrix(step_size)
         motion = self._coefficients(np.vstack([*planned.transpose(2, 1, 0)]), step_size)  # (powers, driven)
-        begin = np.zeros((n + 1, 1 + n + 6 * c + m - c))
+        begin = np.zeros((n + 1, 1 + n + 6 * c + 2 * (m - c)))
         begin[:n, 0], begin[:n, 1 : n + 1] = y, np.eye(n)
         parameters = np.hstack([motion, ends, np.full((6, 1), step_size)])
         last = np.array(self._step_integrator(begin, parameters, 1.0))[:n]
-        y, of_states, before, after, of_forces = np.split(last, np.cumsum([1, n, 3 * c, 3 * c]), axis=1)
+        y, of_states, before, after, early, late = np.split(last, np.cumsum([1, n, 3 * c, 3 * c, m - c]), axis=1)
         M, N = _correction_step_matrices(step_size, period, c)
         moved = [n + order * m + i for order in range(3) for i in range(c)]
         forces = [n + i for i in range(c, m)]
         A, B = np.zeros((n + 3 * m, n + 3 * m)), np.zeros((n + 3 * m, m))
-        A[:n, :n], A[:n, moved], A[:n, forces] = of_states, before + after @ M, of_forces
-        A[np.ix_(moved, moved)], B[:n, :c], B[moved, :c] = M, after @ N, N
+        A[:n, :n], A[:n, moved], A[:n, forces] = of_states, before + after @ M, early
+        A[np.ix_(moved, moved)], B[:n, :c], B[moved, :c], B[:n, c:] = M, after @ N, N, late
         B[forces, c:] = np.eye(m - c)
         sizes, rows = self.sizes[:, None], self.rows
         return y.ravel(), (A[np.ix_(rows, rows)] * self.sizes / sizes, B[rows] * self.input_sizes / sizes)
 
     def _coefficients(self, ends: Any, step_size: float) -> Any:
-        """Coefficients (6, driven) of σ by the fraction of a step; forces keep their values at its start.
+        """Coefficients (6, driven) of σ and of forces by the fraction of a step.
 
-        :param ends: σ and its two rates at the start of the step, then at its end: (6, driven).
+        :param ends: σ and its two rates, or forces and 0, at the start of the step, then at its end: (6, driven).
         """
-        moves, forces = ends[:, : len(self.moves)], ends[:1, len(self.moves) :]
-        matrix = self._reconstruction_matrix(step_size)
+        c, of_moves, of_forces = len(self.moves), self._reconstruction_matrix(step_size), np.zeros((6, 6))
+        of_forces[0, 0] = 1.0
+        of_forces[1, [0, 3]] = [-1.0 * self.interpolates_forces, 1.0 * self.interpolates_forces]
         if isinstance(ends, ca.SX):
-            held = ca.vertcat(forces, ca.SX(5, forces.shape[1]))
-            return ca.horzcat(ca.DM(matrix) @ moves, held)
-        return np.hstack([matrix @ moves, np.pad(forces, ((0, 5), (0, 0)))])
+            return ca.horzcat(ca.DM(of_moves) @ ends[:, :c], ca.sparsify(ca.DM(of_forces)) @ ends[:, c:])
+        return np.hstack([of_moves @ ends[:, :c], of_forces @ ends[:, c:]])
 
     def _reconstruction_matrix(self, step_size: float) -> Floats:
         """Matrix (6, 6) from σ and its two rates at both ends of a step to coefficients of σ, by the fraction of it."""

@@ -87,11 +87,13 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
 
 
 def _refuse_plan(caller: str, motion: Plan) -> None:
-    """Raise an error for a plan with phases, or of forces beside prescribed motions."""
+    """Raise an error for a plan with phases, or of forces beside motions whose rates jump."""
     if motion.goal.phases:
         raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
-    if motion.goal.moves and motion.goal.controls:
-        raise PlanError(f"{caller} takes no plan of forces beside prescribed motions: plan one of both; replay it")
+    if motion.goal.moves and motion.goal.controls and motion.problem.control_order < 2:
+        rates = ", ".join(f"{move}_ddot" for move in motion.goal.moves)
+        words = f"moved coordinates or their rates jump beside forces: weigh or bound {rates} in the plan"
+        raise PlanError(f"{motion.problem.name}: {caller}: {words}")
 
 
 def _round_down(value: float) -> float:
@@ -127,11 +129,14 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
 def planned_motion(motion: Plan, times: ArrayLike) -> Floats:
     """σ and its two rates at times of a plan [s], (driven, 3, times).
 
-    Forces are means over the interval to the next time, which regulators hold; the last one is that of the end.
+    Forces alone are means over the interval to the next time, which regulators hold; the last one is that of the end.
+    Beside σ they are values, between which the mechanism interpolates.
     """
     sigma, times = motion.sigma(times), np.asarray(times, dtype=float)
     rows = [[sigma[name] for name in port_names(m)[:3]] for m in motion.goal.moves]
     for name in motion.goal.controls:
-        means = np.append(np.diff(motion.impulse(name, times)) / np.diff(times), sigma[name][-1:])
-        rows.append([means, 0 * means, 0 * means])
+        values = sigma[name]
+        if not motion.goal.moves:
+            values = np.append(np.diff(motion.impulse(name, times)) / np.diff(times), values[-1:])
+        rows.append([values, 0 * values, 0 * values])
     return np.array(rows)

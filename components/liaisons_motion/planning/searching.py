@@ -426,7 +426,7 @@ def refuse_singularity(solution: Solution) -> None:
     """
     problem, trajectory, count = solution.problem, solution.trajectory, len(solution.problem.moves)
     variation = largest_hamiltonian_range(solution)
-    if problem.phases or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(solution):
+    if problem.phases or not count or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))

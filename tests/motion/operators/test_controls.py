@@ -333,11 +333,60 @@ def test_a_force_is_planned_beside_a_prescribed_motion() -> None:
                   end={"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0})  # fmt: skip
     verified(motion)
     assert motion.problem.controls == ("pivot_x_ddot", "theta_force")
-    with pytest.raises(PlanError, match="hold takes no plan of forces beside prescribed motions"):
-        hold(motion)
     alone = plan("Pendulum", "pivot_x", minimize="pivot_x_ddot**2", start={"theta": 0.0, "pivot_x": 0.0}, duration=1.5,
                  end={"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0}, tries=1)  # fmt: skip
     assert motion.cost < alone.cost, "one control more costs no more"
+    held = hold(motion)
+    verified(held)
+    assert held.trajectory.after == "rests"
+    assert held.trajectory.motion[1, 0, -1] == pytest.approx(G * np.sin(0.5), rel=1e-9), "what weight needs there"
+    run = held.simulate(6.0, theta_0=0.1)
+    assert [run["Pendulum.theta"][-1], run["Pendulum.pivot_x"][-1]] == pytest.approx([0.5, 0.3], abs=1e-4)
+
+
+def test_a_force_beside_a_planned_motion_goes_straight_from_sample_to_sample() -> None:
+    arguments: dict[str, Any] = {
+        "bounds": {"pivot_x_ddot": (-3, 3), "theta_force": (-6, 6)},
+        "start": {"theta": 0.0, "pivot_x": 0.0},
+        "end": {"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0},
+    }
+    motion = plan("Pendulum", "pivot_x", controls="theta_force", minimize="time", duration=(0.2, 3), **arguments)
+    assert motion.switches.size > 0
+    held = hold(motion)
+    verified(held)
+    run = held.simulate(held.duration)
+    assert np.abs(run["Pendulum.theta_force"]).max() == pytest.approx(6, abs=1e-12)
+    t, force = run.time, run["Pendulum.theta_force"]
+    pushed = np.sum((force[1:] + force[:-1]) / 2 * np.diff(t))
+    assert pushed == pytest.approx(float(motion.impulse("theta_force", motion.duration)), rel=1e-6)
+
+
+def test_what_a_force_beside_a_motion_cannot_hold_ends_in_motion() -> None:
+    motion = plan("Pendulum", "pivot_x", controls="theta_force", minimize="pivot_x_ddot**2 + theta_force**2",
+                  start={"theta": 0.0, "pivot_x": 0.0}, duration=1.5, bounds={"theta_force": (-3, 3)}, tries=1,
+                  end={"theta": 0.5, "theta_dot": 0.0, "pivot_x": 0.3, "pivot_x_dot": 0.0})  # fmt: skip
+    assert G * np.sin(0.5) > 3
+    assert hold(motion, step_size=0.1).trajectory.after == "ends"
+
+
+def test_two_forces_follow_a_plan_in_steps_shorter_than_the_period() -> None:
+    still = {"shoulder_dot": 0, "elbow_dot": 0}
+    motion = plan(Arm, controls=["shoulder_force", "elbow_force"], start={"shoulder": 0.0, "elbow": 0.0},
+                  end={"shoulder": 0.7, "elbow": 0.3, **still}, duration=1.0)  # fmt: skip
+    held = hold(motion, step_size=0.0099)
+    assert np.diff(held.trajectory.times).max() < 0.0099
+    verified(held)
+
+
+@pytest.mark.parametrize("mechanism", ["FurutaPendulum", "CartPole"])
+def test_an_end_that_a_force_cannot_reach_in_time_is_named(mechanism: str) -> None:
+    names, subject = ("turn", "swing"), mechanism
+    if mechanism == "CartPole":
+        names, subject = ("rail", "swing"), CartPole
+    end = dict.fromkeys((names[0], *(f"{name}_dot" for name in names)), 0.0) | {"swing": np.pi}
+    with pytest.raises(PlanError, match="no motion was found"):
+        plan(subject, controls=f"{names[0]}_force", start=dict.fromkeys(names, 0.0), end=end, duration=0.4,
+             bounds={f"{names[0]}_force": (-0.2, 0.2)}, tries=2, time_limit=30)  # fmt: skip
 
 
 @pytest.mark.parametrize(
