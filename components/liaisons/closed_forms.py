@@ -116,7 +116,7 @@ class ClosedForm(Generic[R]):
         return other
 
     def __call__(self, *arguments: Any, **values: Any) -> R:
-        if self.owner is None:  # by another closed form: it is no attribute of a component
+        if self.owner is None:  # by another closed form: it is not an attribute of a component
             return self._function(*arguments, **values)
         label = f"{self.owner.__name__}.{self.__name__}"
         expected = self._signature.parameters

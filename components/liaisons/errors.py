@@ -61,7 +61,7 @@ class RefusedError(SimulationError):
 
 
 class EndedError(SimulationError):
-    """An FMU has asked to end the simulation; it has come to ``time`` [s]."""
+    """An FMU has asked to end the simulation; it has reached ``time`` [s]."""
 
     def __init__(self, message: str, time: float) -> None:
         super().__init__(message)
@@ -115,7 +115,7 @@ class SweepError(LiaisonsError, ValueError):
 
 
 class JournalError(SweepError):
-    """A journal belongs to another sweep, or is no journal."""
+    """A journal belongs to another sweep, or is not a journal."""
 
 
 class ValidityError(LiaisonsError, ValueError):

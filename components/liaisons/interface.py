@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 MOST_KNOTS = 100
-"""Knots in the parameters of a PlannedMotion; more are in a file."""
+"""Number of knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
 
@@ -185,7 +185,7 @@ def tabulated(
         that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
     :param smoothing: distance [s] between the knots of the quintic splines that fit noisy values best; None: the curve
         passes through all values.
-    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend, or too few to be smoothed.
+    :raises SimulationError: if these are not numbers, of unequal count, or do not ascend, or too few to be smoothed.
     """
     from liaisons.base.knots import knots
 

@@ -103,7 +103,7 @@ def _with_reference_starts(model: Model) -> Model:
     for name in reference:
         if name not in scalars:
             raise ComponentError(
-                f"{model.name}: Experiment(reference=...): {name!r} is no scalar parameter or input"
+                f"{model.name}: Experiment(reference=...): {name!r} is not a scalar parameter or input"
                 f"{suggestion(name, scalars)}"
             )
 

@@ -121,14 +121,14 @@ def test_a_system_of_names_is_flattened_and_read_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("target", "words"),
     [
-        ("Pendlum", "'Pendlum' is no file and no component; did you mean 'Pendulum'"),
+        ("Pendlum", "'Pendlum' is neither a file nor a component; did you mean 'Pendulum'"),
         ("pendulum", "did you mean 'Pendulum'"),
         ("none.py", "none.py: no such file"),
         ("none.fmu", "none.fmu: no such file; check the path, or build it"),
-        (5, "5 is no FMU and no component; give the path of an FMU, or the name"),
-        (None, "None is no FMU and no component"),
-        (b"Pendulum", "b'Pendulum' is no FMU and no component"),
-        (int, "the class int is no component; derive one"),
+        (5, "5 is neither an FMU nor a component; give the path of an FMU, or the name"),
+        (None, "None is neither an FMU nor a component"),
+        (b"Pendulum", "b'Pendulum' is neither an FMU nor a component"),
+        (int, "the class int is not a component; derive one"),
     ],
 )
 def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any, words: str) -> None:
@@ -139,14 +139,14 @@ def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any,
 
 @pytest.mark.parametrize("call", [build, derive, lambda t: ensemble(t, {}, stop_time=1, step_size=0.1)])
 def test_an_fmu_is_no_component(call: Callable[[str], object]) -> None:
-    with pytest.raises(ProjectError, match=r"^it\.fmu is no component; give the file or class that this FMU was built"):
+    with pytest.raises(ProjectError, match=r"^it\.fmu is not a component; give the file or class that this FMU"):
         call("it.fmu")
 
 
 def test_models_are_built_and_are_no_fmus(folder: Path) -> None:
     model = assemble(PendulumChain, 2)
     assert build(model) == folder / "PendulumChain.fmu"
-    with pytest.raises(ProjectError, match="is no FMU and no component"):
+    with pytest.raises(ProjectError, match="is neither an FMU nor a component"):
         simulate(model)  # type: ignore[arg-type]
 
 

@@ -75,14 +75,14 @@ PROPERTIES = [
     Property(
         "a unit of another quantity",
         _rows("time,length [kg],theta"),
-        "column length: unit 'kg' is none of what is measured in 'm'",
+        "column length: unit 'kg' cannot be converted to 'm'",
         {"result": "as written"},
         "`from_csv` knows no variables: units are kept, and `compare` converts or refuses them",
     ),
     Property(
         "a time that is none",
         _rows("time [kg],length,theta"),
-        "column time: unit 'kg' is none of what is measured in 's'",
+        "column time: unit 'kg' cannot be converted to 's'",
     ),
     Property(
         "an unknown unit",
@@ -104,7 +104,7 @@ PROPERTIES = [
     Property(
         "`1,125` in quotes between commas",
         'time,length,theta\n0,1,0\n0.5,"1,125",0\n',
-        "line 3, column 2: '1,125': a decimal sign, or between thousands",
+        "line 3, column 2: '1,125': a decimal sign, or a separator of thousands",
     ),
     Property(
         "decimal commas beside points",

@@ -37,7 +37,7 @@ _DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, 
 def unpacked_limit() -> int:
     """Largest allowed size of an archive in bytes, unpacked.
 
-    :raises SimulationError: if :data:`LIMIT_VARIABLE` is no positive number.
+    :raises SimulationError: if :data:`LIMIT_VARIABLE` is not a positive number.
     """
     text = os.environ.get(LIMIT_VARIABLE)
     if text is None:
@@ -62,7 +62,7 @@ def size_error(label: str, size: int) -> SimulationError:
 def file_identity(path: Path) -> tuple[int, ...]:
     """Time of modification, size and inode of a file, which tell whether it was changed or replaced.
 
-    :raises SimulationError: if it is missing, no regular file, or cannot be read.
+    :raises SimulationError: if it is missing, is not a regular file, or cannot be read.
     """
     try:
         status = path.stat()
@@ -178,7 +178,7 @@ def _refusal_reason(member: ZipInfo) -> str:
     """Reason why a member is refused, as the end of a sentence; empty if it is not."""
     name = member.orig_filename
     if not name or "\0" in name:
-        return "is no name of a file"
+        return "is not a name of a file"
     if "\\" in name or ":" in name or name.startswith("/") or ".." in PurePosixPath(name).parts:
         return "would lie outside the folder that it is unpacked to"
     if stat.S_ISLNK(member.external_attr >> 16):
@@ -186,5 +186,5 @@ def _refusal_reason(member: ZipInfo) -> str:
     if member.flag_bits & 0x1:
         return "is encrypted"
     if member.compress_type not in {ZIP_STORED, ZIP_DEFLATED}:
-        return f"is compressed by method {member.compress_type}, where FMI and SSP know 0 (none) and 8 (deflate) only"
+        return f"is compressed by method {member.compress_type}, but FMI and SSP allow only 0 (none) and 8 (deflate)"
     return ""

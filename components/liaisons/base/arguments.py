@@ -74,7 +74,7 @@ def start_value_hints(variables: Collection[str]) -> Iterator[None]:
 
 
 def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:
-    """The path as a Path; raises the error for what is none."""
+    """The path as a Path; raises the error for anything else."""
     if not isinstance(path, (str, os.PathLike)):
         raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
@@ -108,7 +108,7 @@ def checked_stop_and_step(start_time: float, stop_time: float | None, step_size:
 
 
 def float_array(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
-    """Numbers as an array of floats; raises the error for what are none."""
+    """Numbers as an array of floats; raises the error for anything else."""
     import numpy as np  # slow to load: the command line's help does without
 
     try:
@@ -122,7 +122,7 @@ def float_array(label: str, values: object, error: Error = InvalidValueError) ->
 def check_integer(label: str, value: object, error: Error = InvalidValueError, *, minimum: int = 1) -> None:
     """Raise an error unless the value is an integer, ``minimum`` or more."""
     if not isinstance(value, Integral) or value < minimum:
-        raise error(f"{label} = {shown(value)}: give a whole number, {minimum} at least")
+        raise error(f"{label} = {shown(value)}: give a whole number, at least {minimum}")
 
 
 def check_choice(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:

@@ -1,6 +1,6 @@
 """Names of the elements of arrays: ``theta[1]``, ``theta[2]``, ...; ``m[1,1]``, ``m[1,2]``, ...
 
-FMI 2.0 has scalars only, called so; FMI 3.0 and a :class:`liaisons.Result` have arrays, too.
+FMI 2.0 has scalars only, with these names; FMI 3.0 and a :class:`liaisons.Result` have arrays, too.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def _entries_folder() -> Path:
 
 @lru_cache(maxsize=1)
 def _remove_least_recent(entries: Path, _eighth: int) -> None:
-    """Remove the entries that were not used for the longest time, if all are too large.
+    """Remove the least recently used entries, if all together are too large.
 
     :param _eighth: of the limit, to which this process has come; the folder is not read more often.
     """

@@ -20,7 +20,7 @@ def communication_points(
 ) -> list[float]:
     """Communication points t_i = start_time + i * step_size, and stop_time [s].
 
-    The last step may be longer than the others by a millionth, as rounding.
+    The last step may be longer than the others by a millionth, which counts as rounding.
 
     :param signals: number of recorded signals.
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if the recording is

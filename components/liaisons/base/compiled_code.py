@@ -55,7 +55,7 @@ def _c_argument(argument: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def compiled_library(code: str, *options: str) -> CDLL:
-    """Loaded library of C code, compiled once a process.
+    """Loaded library of C code, compiled once per process.
 
     :param options: of the compiler, beside those for lanes.
     :raises BuildError: if there is no compiler, or it fails.

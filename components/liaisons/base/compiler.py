@@ -40,7 +40,7 @@ WASM_FLAGS = (
 )
 TIME_OUT = 900.0  # [s] for one file
 INSTALLATION = "pip install 'liaisons[cross]'"
-"""Of zig."""
+"""Command that installs zig."""
 
 
 @final
@@ -92,7 +92,7 @@ TARGETS = (
 def host_target() -> Target:
     """The platform of this process.
 
-    :raises BuildError: if it is none of :data:`TARGETS`.
+    :raises BuildError: if it is not one of :data:`TARGETS`.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     system = {"win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)

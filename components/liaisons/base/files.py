@@ -81,7 +81,7 @@ def read_toml_arguments(
     """Read the arguments of a function from a TOML file.
 
     :param keys: their names.
-    :param examples: those that must be there, each with a value as an example.
+    :param examples: required keys, each with an example value.
     :raises LiaisonsError: the class ``error``, if it cannot be read, has another key, or lacks one.
     """
     try:
@@ -109,7 +109,7 @@ def _temporary_path(target: Path) -> Path:
 
 
 def _must_be_overwritten(path: Path) -> bool:
-    """Whether a file is none that can be replaced: a device, a pipe, a standard stream, or in a locked folder."""
+    """Whether a file cannot be replaced: a device, a pipe, a standard stream, or in a locked folder."""
     try:
         status = path.stat()
     except FileNotFoundError:

@@ -29,13 +29,13 @@ def knots(
     *,
     smoothing: float | None = None,
 ) -> NDArray[np.float64]:
-    """Table of knots of a motion: rows t, σ, σ̇, σ̈, a column a knot; shape (4, n).
+    """Table of knots of a motion: rows t, σ, σ̇, σ̈, a column for each knot; shape (4, n).
 
     Rates and accelerations that are not given are those of a curve between jumps; see :func:`liaisons.tabulated`.
 
     :param times: [s], ascending, shape (n,), n >= 2; an instant that is there twice is a jump, unless both knots
         agree to :data:`ROUNDING`.
-    :raises SimulationError: if these are no numbers, of unequal count, or not ascending, or too few to be smoothed.
+    :raises SimulationError: if these are not numbers, of unequal count, or not ascending, or too few to be smoothed.
     """
     columns = {
         name: _checked_column(name, column)
@@ -52,7 +52,9 @@ def knots(
         later, before = t[wrong[0] + 1], t[wrong[0]]
         raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
     if steps[-1] == 0 and columns["values"][-1] != columns["values"][-2]:
-        raise SimulationError(f"times: a jump at {t[-1]:g} s, after which nothing follows; leave it out, or go on")
+        raise SimulationError(
+            f"times: a jump at {t[-1]:g} s, after which nothing follows; leave it out, or add a later time"
+        )
     _check_curve(join, smoothing, rates=len(columns) > 2)
     parts = []
     for part in np.split(np.arange(t.size), np.flatnonzero(steps == 0) + 1):
@@ -96,7 +98,7 @@ def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
     """Column as an array of floats; raises a SimulationError unless they are finite, in one dimension."""
     numbers = float_array(name, column, SimulationError)
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
-        raise SimulationError(f"{name} = {shown(column)}: give finite numbers, one a time")
+        raise SimulationError(f"{name} = {shown(column)}: give finite numbers, one per time")
     return numbers
 
 

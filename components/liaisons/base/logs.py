@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from typing import Any, final
 
 _MOST = 100
-"""Different warnings that are collected; more are counted only."""
+"""Number of different warnings that are collected; further ones are only counted."""
 
 
 @final

@@ -27,7 +27,7 @@ _COMPONENTS = Path(__file__).resolve().parents[2]
 class _Clone(Distribution):
     """The clone that this package runs from, as its pyproject.toml describes it now.
 
-    What an installation noted may be older; and a clone on PYTHONPATH has none.
+    The metadata of an installation may be older, and a clone on PYTHONPATH has none.
     """
 
     @cached_property
@@ -66,7 +66,7 @@ def own_components() -> dict[str, EntryPoint]:
 
 @cache
 def registered(group: str) -> list[Any]:
-    """What this package registers in a group of entry points, so that who asks for it need not know it."""
+    """Objects that this package registers in a group of entry points, whose callers need not know where they are."""
     return [entry.load() for entry in own_distribution().entry_points.select(group=group)]
 
 

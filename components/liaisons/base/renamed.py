@@ -15,7 +15,7 @@ from typing import final
 def rename(old: str, new: str) -> None:
     """Let imports of a module, and of those below it, find another one: the same modules, not copies of them.
 
-    :param old: name of the module or package that has been there, ``liaisons.models``.
+    :param old: former name of the module or package, ``liaisons.models``.
     :param new: name of what it is now.
     """
     sys.meta_path.insert(0, _Renamed(old, new))

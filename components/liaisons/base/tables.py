@@ -1,6 +1,6 @@
 """Tables of numbers from outside: CSV and Parquet files, data frames, mappings of arrays; the reader of all commands.
 
-What a table may have, and what becomes of it, is listed in ``docs/reference/tables.md``.
+What a table may contain, and how it is read, is listed in ``docs/reference/tables.md``.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Table:
         """Instants [s], ascending.
 
         :param column: the clock by default.
-        :param most: how often an instant may be there; twice is a jump; 0: as often as it is.
+        :param most: how often an instant may occur; twice is a jump; 0: as often as it does.
         """
         times = self.numbers(column or self.clock, "s", complete=True)
         name = self.clock if column == "" else self.names[column] if isinstance(column, int) else column
@@ -196,7 +196,7 @@ def read_table(path: Path, error: type[LiaisonsError], title: str = "") -> Table
     """Read a CSV or Parquet file.
 
     :param title: for messages; the path if empty.
-    :raises LiaisonsError: the class ``error``, with the line, for what is no table.
+    :raises LiaisonsError: the class ``error``, with the line, for what is not a table.
     """
     return (_read_parquet if path.suffix.lower() == ".parquet" else _read_csv)(path, error, title or str(path))
 
@@ -275,7 +275,7 @@ def _read_csv(path: Path, error: type[LiaisonsError], title: str) -> Table:
 
 
 def _delimiter(text: str) -> str:
-    """What separates the cells: said by the first line, ``sep=;``, or found in the first that is no comment."""
+    """What separates the cells: said by the first line, ``sep=;``, or found in the first that is not a comment."""
     lines = (line for line in io.StringIO(text) if line.strip() and not line.startswith("#"))
     top = next(lines, "").strip()
     return top[4:] if re.fullmatch("sep=.", top) else next((sign for sign in "\t;" if sign in top), ",")
@@ -286,7 +286,7 @@ def _records(text: str, sign: str, comments: dict[int, str]) -> Iterator[tuple[i
     number, begins = 0, True
 
     def lines() -> Iterator[str]:
-        """Yield what is no comment; a quoted cell may have several lines, and none of them is."""
+        """Yield what is not a comment; a quoted cell may have several lines, and none of them is."""
         nonlocal number, begins
         for line_number, line in enumerate(io.StringIO(text, newline=""), start=1):
             start = line.lstrip(' "')
@@ -343,7 +343,7 @@ def _use_points(rows: dict[int, list[str]], *, quoted: bool) -> None:
     unclear = [place for place in commas if quoted and re.fullmatch(r"[+-]?\d{1,3},\d{3}", place[2])]
     unclear += [place for place in cells if commas and _POINT.fullmatch(place[2])]
     for number, column, cell in unclear[:1]:
-        words = "a decimal sign, or between thousands? write numbers without the latter, with one sign"
+        words = "a decimal sign, or a separator of thousands? write one decimal sign and no separators"
         raise ValueError(f"line {number}, column {column + 1}: {cell!r}: {words}")
     for number, column, cell in commas:
         rows[number][column] = cell.replace(",", ".")

@@ -23,7 +23,7 @@ class UnitDefinition:
     def from_attributes(cls, name: str, attributes: Mapping[str, str]) -> UnitDefinition:
         """Definition of a unit from the attributes of its ``BaseUnit``.
 
-        :raises ValueError: for attributes that are no numbers, and factors and offsets that cannot convert.
+        :raises ValueError: for attributes that are not numbers, and factors and offsets that cannot convert.
         """
         factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
         if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):

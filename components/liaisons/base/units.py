@@ -101,7 +101,7 @@ def size_in_si(measured: str, unit: str) -> float:
         return _size_and_base(measured)[0] if is_unit(measured) else 1.0
     (size, base), (declared, other) = _size_and_base(measured), _size_and_base(unit)
     if parse(base).exponents != parse(other).exponents:
-        raise ValueError(f"unit {measured!r} is none of what is measured in {unit!r}")
+        raise ValueError(f"unit {measured!r} cannot be converted to {unit!r}")
     return size / declared
 
 

@@ -1,4 +1,4 @@
-"""Which version this is."""
+"""The version of this package."""
 
 __version__ = "1.0.0"
 __date__ = "2026-11-26"

@@ -66,7 +66,7 @@ class Comparison:
 
     :param titles: of both results.
     :param times: where they were compared [s], shape (m,).
-    :param differences: one a signal that both have, in the order of the first.
+    :param differences: one for each signal that both have, in the order of the first.
     :param only_first: signals that only the first has.
     :param only_second: signals that only the second has.
     """

@@ -27,7 +27,7 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     :param start: q and p at t = 0, shape (2n,).
     :param times: instants of the solution [s], ascending from 0 or later, any shape; the last is > 0.
     :returns: shape ``(2n, *times.shape)``.
-    :raises ValidityError: for an odd number of values, times that go back, or an H that is not finite on the way.
+    :raises ValidityError: for an odd number of values, times that decrease, or an H that is not finite on the way.
     """
     z = float_array("hamiltonian_flow: start", start, ValidityError)
     t = float_array("hamiltonian_flow: times", times, ValidityError)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-12
 """Rounding error of a sum that is 0, relative to the largest signal."""
 _MOST_VALIDATED = 2**23
-"""Bytes of a model description; its validator takes some fifty times as many."""
+"""Size of the largest model description that is validated [B]; its validator takes some fifty times as much."""
 
 
 def check_fmu(path: Path | str) -> Iterator[Verdict | str]:

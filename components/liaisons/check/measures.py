@@ -37,7 +37,7 @@ def slope(h: ArrayLike, errors: ArrayLike) -> float:
     """
     steps, sizes = float_array("slope: h", h, ValidityError), float_array("slope: errors", errors, ValidityError)
     if steps.ndim != 1 or steps.shape != sizes.shape:
-        raise ValidityError(f"slope: {steps.shape} step sizes for {sizes.shape} errors; give one error a step size")
+        raise ValidityError(f"slope: {steps.shape} step sizes for {sizes.shape} errors; give one error per step size")
     if steps.size < 3:
         raise ValidityError(f"slope: {steps.size} points; a slope needs at least 3")
     for name, values in (("step size", steps), ("error", sizes)):
@@ -65,7 +65,7 @@ def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bo
     t, x, x_dot = (float_array(f"crossings: {name}", values, ValidityError) for name, values in arguments.items())
     if not (t.ndim == 1 and t.shape == x.shape == x_dot.shape and t.size > 1 and np.all(np.diff(t) > 0)):
         raise ValidityError(f"crossings: time, signal, rate of shapes {t.shape}, {x.shape}, {x_dot.shape}; give one of "
-                            "each an instant, and instants that increase")  # fmt: skip
+                            "each per instant, and increasing instants")  # fmt: skip
     spline = CubicHermiteSpline(t, x, x_dot)
     roots = spline.roots(extrapolate=False)
     return roots[spline(roots, 1) > 0] if rising else roots
@@ -82,6 +82,6 @@ def frequencies(cosines: ArrayLike, step: float) -> Floats:
     q = float_array("frequencies: cosines", cosines, ValidityError)
     check_finite("frequencies: step", step, ValidityError)
     if q.ndim == 0 or q.shape[-1] < 3:
-        raise ValidityError(f"frequencies: cosines of shape {q.shape}; give three values of each at least")
+        raise ValidityError(f"frequencies: cosines of shape {q.shape}; give at least three values of each")
     around, middle = q[..., 2:] + q[..., :-2], q[..., 1:-1]
     return np.arccos(np.sum(around * middle, axis=-1) / np.sum(middle**2, axis=-1) / 2) / step

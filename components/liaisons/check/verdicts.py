@@ -59,7 +59,7 @@ class Verdict:
 def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reason: str = "") -> Verdict:
     """Make a verdict on a claim; see :class:`Verdict` for the arguments.
 
-    :raises ValidityError: for a negative error or a tolerance that is no bound.
+    :raises ValidityError: for a negative error or a tolerance that is not a bound.
     """
     return Verdict(
         claim, _checked_number(claim, "error", error), _checked_number(claim, "tolerance", tolerance), unit, reason
@@ -67,7 +67,7 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
 
 def _checked_number(claim: str, name: str, value: object) -> float:
-    """Number that an argument of a verdict has; raise a ValidityError for anything else."""
+    """Number given as an argument of a verdict; raise a ValidityError for anything else."""
     array = float_array(f"{claim!r}: {name}", value, ValidityError)
     if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
@@ -78,7 +78,7 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     """Plain-text table with aligned columns.
 
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
-    :param width: characters of a line, where cells go over several lines; None: one line a row, however long.
+    :param width: characters of a line, where cells go over several lines; None: one line per row.
     :returns: header and rows without trailing blanks or newline; empty for no rows.
     """
     records = [
@@ -86,7 +86,7 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     ]
     for record in records:
         if not isinstance(record, Mapping):
-            raise ValidityError(f"table: {shown(record)} is no row; give verdicts, or dictionaries by columns")
+            raise ValidityError(f"table: {shown(record)} is not a row; give verdicts, or dictionaries by columns")
     if not records:
         return ""
     columns = list(records[0])

@@ -67,7 +67,7 @@ def flatten(
 def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
     """Model of a whole system, with the equations of motion of all parts; errors are those of :func:`flatten`."""
     if not isinstance(system, System):
-        raise SimulationError(f"{shown(system)} is no system; give a System")
+        raise SimulationError(f"{shown(system)} is not a system; give a System")
     document = system.document.filled()
     parts, connections = document.parts, document.connections
     if converted := [connection for connection in connections if connection.conversion != SAME]:

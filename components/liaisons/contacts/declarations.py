@@ -157,7 +157,7 @@ def _bound(m: MechanicalComponent, formulas: Formulas, item: dry_friction, name:
     declared = {p.name: p for p in m.parameters}
     if not isinstance(name, str) or not (name in declared or hasattr(type(m), name)):
         more = suggestion(name if isinstance(name, str) else "", declared)
-        item.refuse(f"is bounded by {name!r}, which is no parameter and no method{more}")
+        item.refuse(f"is bounded by {name!r}, which is neither a parameter nor a method{more}")
     column = m.parameter_column
     bound = formulas.add(
         name, m.contact_coefficient(name), {str(symbol): symbol for symbol in ca.vertsplit(column)}, unit

@@ -48,7 +48,7 @@ _SAMPLES = 5
 """Number of configurations in which redundant contacts are looked for."""
 
 LEAVING = 1e-3
-"""Factor of the rate of a growing gap in its indicator, so that errors right after an impact are no event."""
+"""Factor of the rate of a growing gap in its indicator, so that errors right after an impact are not an event."""
 
 MOST_LINKS = 300
 """Most links of a chain in a model with contacts: its equations have no loops."""

@@ -1,4 +1,4 @@
-"""Arrays of numbers that NumPy and functions of FMUs share."""
+"""Arrays of numbers that NumPy shares with functions of FMUs."""
 
 from __future__ import annotations
 

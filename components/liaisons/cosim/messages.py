@@ -20,12 +20,12 @@ _MOST_NAMED = 20  # signals, of which each has a warning
 
 
 def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
-    """Result with further warnings after its own."""
+    """Result with further warnings appended to its own."""
     return replace(result, warnings=tuple(dict.fromkeys((*result.warnings, *warnings)))) if warnings else result
 
 
 def warn_of_non_finite_values(result: Result) -> None:
-    """Log a warning for every signal of a result that is not finite at all points."""
+    """Log a warning for each signal of a result that is not finite everywhere."""
     wrong = ~np.isfinite(result.values)
     rows = np.flatnonzero(wrong.any(axis=1)).tolist()
     for row in rows[:_MOST_NAMED]:

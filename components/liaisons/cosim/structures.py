@@ -1,4 +1,4 @@
-"""Structures of C, declared in the C files alone; Python reads their fields there."""
+"""C structures, which are declared in C files only; Python reads their fields there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SavedRecord = tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]
 
 
 class Record(Structure):
-    """A structure of C, which keeps in ``targets`` what its pointers point to.
+    """A C structure, which keeps in ``targets`` what its pointers point to.
 
     :ivar remembered: names of the arrays that compiled code writes, and reads in later steps.
     """

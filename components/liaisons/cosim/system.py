@@ -33,11 +33,11 @@ from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, Simu
 from liaisons.results import Result
 
 DIAGRAMS = "liaisons.system_diagrams"
-"""Group of entry points of what draws systems: :class:`SystemDocument` -> :class:`Diagram`."""
+"""Group of entry points that draw systems: :class:`SystemDocument` -> :class:`Diagram`."""
 _SHOWN = 20
-"""Most components, and most connections, that are printed."""
+"""Number of components, and of connections, that are printed at most."""
 _WIDEST = 200
-"""Most characters of one that are printed."""
+"""Number of characters printed of each at most."""
 
 
 @final
@@ -51,7 +51,7 @@ class OperatorFmu:
 
 @final
 class System:
-    """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
+    """System of connected FMUs; each call of :meth:`simulate` runs all of them from the start.
 
     ::
 
@@ -68,7 +68,7 @@ class System:
 
     :param name: used in messages, results and figures.
     :ivar experiment: of the last run, or of the archive that was read.
-    :ivar defaults: start, stop and step size of the archive that was read, where a run is given none.
+    :ivar defaults: start, stop and step size of the archive that was read, used where a run is given none.
     """
 
     def __init__(self, name: str) -> None:
@@ -84,7 +84,7 @@ class System:
     def from_document(cls, document: SystemDocument) -> Self:
         """System with the components, connections and experiment of a document.
 
-        :raises SimulationError: for what is no document.
+        :raises SimulationError: for what is not a document.
         """
         if not isinstance(document, SystemDocument):
             raise SimulationError(f"document = {shown(document)}: give that of a system, system.document")
@@ -121,14 +121,14 @@ class System:
         """Add an FMU or a component to the system.
 
         :param name: name of this component; no dot, and not taken yet.
-        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a function of Python,
+        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a Python function,
             :func:`sampled`.
         :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
             result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
             the FMU runs in this process, with a warning.
         :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port`` and connected.
-        :param keywords: further start values; a keyword that is also a setting is the setting.
+        :param keywords: further start values; a keyword that names a setting is the setting.
         :returns: the component; ``component["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name is bad, the file cannot be used, or a start value is unknown,
             cannot be set, or has the wrong type.
@@ -180,7 +180,7 @@ class System:
         part = self._parts[name]
         for port, value in name_dictionary(f"{self.name}: operators", operators).items():
             if not isinstance(value, OperatorFmu):
-                raise ConnectError(f"{self.name}: {port} = {shown(value)} is no operator(...)")
+                raise ConnectError(f"{self.name}: {port} = {shown(value)} is not an operator(...)")
             own = f"{name}_{port}".replace(".", "_")  # ports of a flattened FMU have dots
             self.connect(self.add(own, value.fmu, start_values=value.start_values)["y"], part[port])
         return part
@@ -201,21 +201,21 @@ class System:
         for port in (source, target):
             if not isinstance(port, Port):
                 raise ConnectError(
-                    f'{self.name}: {shown(port)} is no port; connect handle["length"] of what add() has returned'
+                    f'{self.name}: {shown(port)} is not a port; connect component["length"] of what add() has returned'
                 )
             if self._parts.get(port.part.name) is not port.part:
-                raise ConnectError(f"{port} is no component of {self.name}; connect what its add() has returned")
+                raise ConnectError(f"{port} is not a component of {self.name}; connect one that its add() has returned")
         self.join(scalar_connections(source, target))
 
     def join(self, connections: Iterable[Connection]) -> None:
         """Add scalar connections to the system, all of them or, if one does not fit, none.
 
-        :raises ConnectError: if an input has a source already, and for what is no connection.
+        :raises ConnectError: if an input has a source already, and for what is not a connection.
         """
         connections = list(connections) if isinstance(connections, Iterable) else [connections]
         for one in connections:
             if not isinstance(one, Connection):
-                raise ConnectError(f"{self.name}: {shown(one)} is no connection; take those of another system")
+                raise ConnectError(f"{self.name}: {shown(one)} is not a connection; take those of another system")
         joined: dict[VariableReference, Connection] = {}
         for connection in connections:
             input_ = connection.target.reference
@@ -243,7 +243,7 @@ class System:
     def isolated_copy(self, isolated: bool | float = True) -> Self:
         """Copy of the system whose FMUs run in processes of their own, as :meth:`add` says.
 
-        :raises SimulationError: if that is no time.
+        :raises SimulationError: if that is not a time.
         """
         limit = time_limit(f"{self.name}: isolated =", isolated)
         parts = {name: part.isolated_copy(limit) if limit else part for name, part in self._parts.items()}
@@ -265,13 +265,13 @@ class System:
         :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
 
         :param stop_time: stop [s]; None: the last of ``times``, else that of the archive, without which it is needed.
-        :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
+        :param step_size: distance between communication points [s], t_i = start_time + i * step_size; the last step is
             shorter if need be.  None: that of the archive; without one the shortest in the FMUs' default experiments,
             else a 500th of the time, and in implicit and waveform coupling of FMUs that can restore their states, steps
             between the points are as short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
         :param start_time: start [s]; None: that of the archive, else of the FMUs' default experiments if it is the same
             in all, else 0.
-        :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
+        :param times: the communication points themselves [s], increasing; those that differ by rounding count as one.
         :param tolerance: relative tolerance of the FMUs' solvers; None: that of each FMU's default experiment, or its
             own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
@@ -279,7 +279,7 @@ class System:
             both of its ends fit, of fourth order between our FMUs.  None: implicit if a port is bidirectional and all
             FMUs in its cycle can restore their states, or if signals into FMUs of ours make no cycle; else
             Gauss-Seidel.
-        :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
+        :param error_tolerance: error allowed in a communication step, of what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.  None: the communication points are fixed.
         :param record: a name ``"component.variable"`` or several; None: all outputs and inputs, of an FMU that has
@@ -288,8 +288,8 @@ class System:
             coordinate and its two rates, as for :func:`simulate`; None: no functions.
         :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
         :param progress: show a progress bar on stderr.
-        :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
-        :returns: the signals at all communication points; an FMU that ends the simulation ends it, with a warning.
+        :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
+        :returns: the signals at all communication points, with a warning if an FMU has ended the simulation early.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -415,21 +415,21 @@ class System:
 
 
 def _refuse_unknown(method: str, settings: Mapping[str, object]) -> None:
-    """Raise a TypeError for a keyword of a method that is no setting."""
+    """Raise a TypeError for a keyword of a method that is not a setting."""
     for name in settings:
         if name not in Settings.__annotations__:
             raise TypeError(f"System.{method}() got an unexpected keyword argument {name!r}")
 
 
 def _refuse_run_options(settings: Any) -> None:
-    """Take the settings of how a simulation is run out of those of a run step by step; refuse them unless they are off.
+    """Remove the settings that only simulate() has from those of a stepped run; refuse them unless they are off.
 
     :raises SimulationError: naming the setting.
     """
     for name in ("verify", "progress", "real_time"):
         value = settings.pop(name, None)
         if value is not None and (not isinstance(value, (int, float)) or value):
-            raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
+            raise InvalidValueError(f"{name} = {shown(value)}: only simulate() takes it; leave it out")
 
 
 def _single_simulation(
@@ -457,7 +457,7 @@ def _single_simulation(
     for drive in simulation.drives:
         for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
             if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9):
-                words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
+                words = f"{name} = {shown(starts[name])}: its function in inputs starts with {first:.10g}"
                 raise SimulationError(f"{title}.{words}; leave one out")
     return simulation
 
@@ -484,16 +484,16 @@ def simulate(
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
-    Settings that :meth:`System.simulate` has, too, are the same here, but for the first five: None is the value in the
-    FMU's default experiment.
+    Settings are those of :meth:`System.simulate`, but that None of the first five is the value in the FMU's default
+    experiment.
 
     :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
     :param stop_time: stop [s].
-    :param step_size: distance of the communication points [s]; None, too: of an FMU of Model Exchange without a value,
-        a 500th of the time.
-    :param start_time: start [s]; None, too: 0 without a value.
-    :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
-    :param tolerance: relative tolerance of the solvers; None, too: the solvers' own without a value.
+    :param step_size: distance between communication points [s]; if an FMU of Model Exchange has no value, a 500th of
+        the time.
+    :param start_time: start [s]; 0 if the FMU has no value.
+    :param times: the communication points themselves [s], increasing; those that differ only by rounding count as one.
+    :param tolerance: relative tolerance of the solvers; their own if the FMU has no value.
     :param coupling: of the FMU and its operators.
     :param error_tolerance: of a communication step; None: the communication points are fixed.
     :param record: a name of a variable or several; None: all outputs and inputs, else the local variables.
@@ -502,7 +502,7 @@ def simulate(
         connected source; None: no functions.
     :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
     :param progress: show a progress bar on stderr.
-    :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
+    :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
     :param isolated: in a process of its own, as in :meth:`System.add`.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.

@@ -30,11 +30,11 @@ _SLOPE = 7.5
 _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
-"""Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
+"""Distance, relative to the inputs, that is rounding if it is never exceeded: the bodies touch all the time."""
 _UNSURE = 16.0, 16.0, 6.0
-"""Error of a distance inside a step, in units of that of the inputs, by none, one and both of the points beside it."""
+"""Error of a distance inside a step, relative to that of the inputs, with none, one or both of its neighbours."""
 _NARROWINGS = 3
-"""How often the interval in which a polynomial is least is narrowed to an eighth: to 1e-5 of a step."""
+"""How often the interval around the minimum of a polynomial is narrowed to an eighth: to 1e-5 of a step."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -54,7 +54,7 @@ class ContactMechanism:
 
 
 class UnresolvedContact(NamedTuple):
-    """A step in which a distance comes nearer to 0 than it is known: its end [s] and size [s], distance, and error.
+    """A step in which a distance comes closer to 0 than its error: its end [s] and size [s], distance, and error.
 
     :param contact: number of the contact.
     """
@@ -71,8 +71,8 @@ class UnresolvedContact(NamedTuple):
         :param power: of the step size in the error.
         """
         logger.warning(
-            "%s: it comes as near as %.2g %s before t = %.6g s, but is known to %.2g %s there, as %s is handed over by "
-            "steps of %.3g s: a contact may be missed, or one too many; a step_size of %.1g s would tell",
+            "%s: it comes as near as %.2g %s before t = %.6g s, where it is off by up to %.2g %s, as %s is handed over "
+            "in steps of %.3g s: a contact may be missed or falsely found; a step_size of %.1g s would tell",
             contact,
             max(self.least, 0.0),
             unit,
@@ -85,7 +85,7 @@ class UnresolvedContact(NamedTuple):
         )
 
     def sufficient_size(self, power: int) -> float:
-        """A step size that would tell [s], or, of what is very near, one with which it is known better."""
+        """A step size that would tell [s] or, for very small distances, one with which they are known better."""
         return self.size * min((max(abs(self.least), self.error / 10) / (4 * self.error)) ** (1 / power), 0.5)
 
     def divisions(self, power: int) -> Floats:
@@ -123,8 +123,8 @@ def accumulated_errors(
 ) -> tuple[Floats, list[UnresolvedContact]]:
     """Error of a mechanism with contacts at each point, relative to its largest distance and rate, at most 1.
 
-    A distance that falls and rises within a step, without an impact, is held against its error there: the FMU knows
-    it up to what its inputs are off by, and up to what impacts have made of that until then.
+    A distance that falls and rises within a step, without an impact, is compared with its error there, which
+    comes from the inputs, and from what earlier impacts have made of their errors.
 
     :param rows: values of the bus, shape (points, width).
     :param off: mean error of the inputs in the step that ends at a point, in units of distances.
@@ -245,7 +245,7 @@ def _dips(gaps: Floats, rates: Floats, times: Floats, watched: NDArray[np.bool_]
 
 
 def _newton_polynomials(coefficients: Sequence[Floats], nodes: Floats, theta: Floats) -> Floats:
-    """Polynomials in Newton's form, one a column, at some arguments."""
+    """Polynomials in Newton's form, one per column, at some arguments."""
     value = np.zeros(np.broadcast_shapes(theta.shape, coefficients[0].shape))
     for node, coefficient in zip(nodes[::-1], coefficients[::-1], strict=True):
         value = value * (theta - node) + coefficient

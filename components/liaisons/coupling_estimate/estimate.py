@@ -44,6 +44,7 @@ _LEAST_STEP_RATIO = 1 / 50
 _LEAST_NEIGHBOUR_RATIO = 1e-6
 """Ratio below which a neighbour tells nothing."""
 _SAFETY = 0.8
+"""Factor of a step size that would just do."""
 
 Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest"]
 """Through data at both ends; a cubic through the end and points before; a polynomial of either degree, whose integrals
@@ -98,7 +99,7 @@ class Worst:
         one = f"coupling error {self.error:.2g} of {self.signal} at t = {self.time:.6g} s"
         words = one if self.error > ALLOWED else f"coupling errors add up to {total:.2g}, the largest is: {one}"
         logger.warning(
-            "%s: %s is handed over too rarely by steps of %.3g s; a step_size of %.1g s would do",
+            "%s: %s is handed over too rarely, in steps of %.3g s; a step_size of %.1g s would do",
             words,
             self.connection,
             self.size,
@@ -251,7 +252,7 @@ class Estimate:
         """Warn of large errors, and of contacts that may have been missed.
 
         :param known: errors between communication points, if steps were chosen by them.
-        :param is_complete: whether there are no errors beside, which nothing estimates.
+        :param is_complete: whether there are no other errors, which nothing estimates.
         """
         if self.worst is not None and is_complete:
             self.worst.warn(float(np.nansum(known)) if known else self._total)
@@ -329,7 +330,7 @@ class Estimate:
 
 
 def _error_targets(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
-    """Yield of each signal that an input's error reaches its column, the input, the derivative's column, and ``once``.
+    """Yield of each signal that an input's error reaches the column, the input, the derivative's column, and ``once``.
 
     The column of the derivative is -1 if it is unknown; ``once`` says whether the error is integrated once, else twice.
     """

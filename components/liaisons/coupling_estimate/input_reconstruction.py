@@ -158,7 +158,7 @@ def _effect_columns(kernel: Kernel) -> dict[VariableReference, list[tuple[int, i
 
 
 def _rate_and_value(acceleration: Port) -> tuple[Port, Port] | None:
-    """Rate and value of the port of an acceleration; None for a variable that is no output acceleration."""
+    """Rate and value of the port of an acceleration; None for a variable that is not an output acceleration."""
     triple, order = acceleration.motion_and_order()
     if triple is None or order != 2 or acceleration.variable.causality != "output":
         return None

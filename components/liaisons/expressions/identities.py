@@ -96,7 +96,7 @@ def _noisy_values(
                 result, underflow = np.where(lost, _LEAST, result), underflow | lost.any(axis=0)
         return result * bank[used % len(bank)]
 
-    with np.errstate(all="ignore"):  # what is not finite is no evidence
+    with np.errstate(all="ignore"):  # what is not finite is not evidence
         (rows,) = interpret(
             function,
             entry=lambda _, i: np.broadcast_to(states[i], shape),

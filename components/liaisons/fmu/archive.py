@@ -15,7 +15,7 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write a zip archive atomically, and make the folders above it.
+    """Write a zip archive atomically, and make its parent folders.
 
     Its digest is stored as that of a trusted FMU: simulations load it without a trial in a process of its own.
 

@@ -35,7 +35,7 @@ from liaisons.fmu.wasm import compile_component, manifest_members
 from liaisons.mechanics import Model
 
 BACK_ENDS = "liaisons.fmu_back_ends"
-"""Group of entry points of what writes FMUs beside that in C: that in Python."""
+"""Entry points of back ends that write FMUs, beside that in C: that in Python."""
 
 # In place of the guid, which is a hash of everything else.
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
@@ -54,7 +54,7 @@ def build(
     """Build the FMU of a model, unless the file is up to date.
 
     :param model: e.g. ``assemble(Pendulum)``.
-    :param output: folder; this and the further ones as of :func:`liaisons.build`.
+    :param output: folder; this and the others as in :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     :raises BackEndError: if the back end cannot do what the model needs.
@@ -78,7 +78,7 @@ def build(
 
 @cache
 def _warn_no_compiler() -> None:
-    """Warn, once a process, that FMUs are built in Python."""
+    """Warn, once per process, that FMUs are built in Python."""
     _log.warning("FMUs are built in Python: %s", no_compiler_message())
 
 

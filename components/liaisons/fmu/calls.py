@@ -17,7 +17,7 @@ class Call:
     CasADi holds bare pointers: this object keeps the buffer and the arrays alive, so keep it as long as ``run``.
 
     :param arguments: one array of doubles for each of the function's arguments.
-    :param results: the same for its results; none of them is an argument, too.
+    :param results: the same for its results; none of them may be an argument, too.
     """
 
     def __init__(self, function: ca.Function, arguments: Arrays, results: Arrays) -> None:

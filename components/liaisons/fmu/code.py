@@ -228,7 +228,7 @@ def _table_row_functions(
 
 
 def _lookup_definitions(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """C definitions of functions that look rows of a table up, and call the functions of rows."""
+    """C definitions of functions that look up rows of a table, and call the functions of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -270,7 +270,7 @@ def _table_declarations(model: Model) -> list[str]:
 def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     """Functions of the rates of all states and of the coupled states, a pair for each of :data:`_ACTIVITIES`.
 
-    They lack the terms of inputs that are 0 then; functions of CasADi's maps do not.
+    They leave out the terms of inputs that are 0 then; functions with CasADi's maps do not.
     """
     whole = model.derivatives if model.table is None else model.table.derivatives
     if not whole.is_a("SXFunction"):
@@ -301,7 +301,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _is_guarded(model: Model) -> bool:
-    """Whether rates and outputs say how far constraints, which something drives, are from losing rank."""
+    """Whether rates and outputs say how far driven constraints are from losing rank."""
     straight = model.table is None and not model.loops and bool(model.active)
     return straight and model.margin is not None and model.margin.is_a("SXFunction")
 
@@ -417,7 +417,7 @@ def _contact_result_offsets(contact: ca.Function, contacts: int) -> dict[str, ob
 class _Table(NamedTuple):
     """A table in C: the member of the struct ``Model``, that of the number of rows, the type of a row, and all rows.
 
-    One without rows has a row of zeros, so that its end is no offset of a null pointer.
+    One without rows has a row of zeros, so that its end is not an offset of a null pointer.
     """
 
     member: str
@@ -505,7 +505,7 @@ def _contact_tables(model: Model) -> Iterator[_Table]:
 
 
 def _configuration_flags(model: Model) -> list[str]:
-    """For each state 1 if it is a coordinate, else 0; nothing where no constraints may lose rank."""
+    """For each state 1 if it is a coordinate, else 0; empty if no constraint can lose rank."""
     if not _is_guarded(model):
         return []
     return [str(int(e.name in model.configuration)) for v in state_outputs(model) for e in v.elements()]
@@ -523,7 +523,7 @@ def _reach_initializers(model: Model) -> list[str]:
 
 
 def _load_impulses(model: Model) -> list[tuple[int, range]]:
-    """For each load that has a sum of impulses the first index among the inputs, and those of the sum."""
+    """For each load with a sum of impulses, its first index among the inputs and those of the sum."""
     inputs = index_ranges(model.inputs)
     pairs = ((indices.start, inputs.get(impulse_name(name))) for name, indices in inputs.items() if "_load" in name)
     return [(load, sums) for load, sums in pairs if sums is not None]

@@ -21,7 +21,7 @@ from liaisons.mechanics import Model
 Pattern = NDArray[np.bool_]
 
 _LINKS = 12
-"""Links of a chain in which each variable depends on all that it depends on in a longer one."""
+"""Number of links with which the variables of a chain have all the dependencies that they have in longer ones."""
 
 
 def running_dependencies(model: Model) -> Pattern:

@@ -211,7 +211,7 @@ def _general_attributes(variable: Variable, reference: int) -> dict[str, str]:
 def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
     """Attributes that only a real variable has: unit, range, nominal value.
 
-    :param nominal: where it declares none; 1 is FMI's default.
+    :param nominal: value of a variable that declares none; FMI's default is 1.
     """
     attributes = {}
     if variable.type != "Real":
@@ -257,7 +257,7 @@ def _model_structure_groups(
     :param titles: names of the elements of each group.
     :param attribute: holds the reference of an unknown.
     :param references: of the numbers of each variable.
-    :param running: what the groups but the third may depend on; ``starting`` is that of the third.
+    :param running: what all groups but the third may depend on; ``starting``: what the third may depend on.
     """
     outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
     rates = [state.derivative for state in model.states]

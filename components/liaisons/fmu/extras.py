@@ -1,9 +1,9 @@
 """What an FMU has beside description and code: terminals, picture, and what others add.
 
 Whoever has a page, an icon or results for FMUs registers a function as an entry point of the group
-``liaisons.fmu_extras``: from a model and a version of FMI to members, by path in the archive.  A member is its content,
-or a function of nothing that returns that: such a one is called when the file is written, and the guid does not depend
-on it.
+``liaisons.fmu_extras``.  It takes a model and a version of FMI, and returns members by their paths in the archive.  A
+member is its content, or a function without arguments that returns it, which is called when the file is written; the
+guid does not depend on it.
 """
 
 from __future__ import annotations

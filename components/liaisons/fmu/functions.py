@@ -13,10 +13,10 @@ DIFFERENTIATED = ("start", "outputs_function", "remember")
 """Functions of a model, by its members, of which the runtime has derivatives."""
 
 _LONGEST = 1000
-"""Operations in one function of C: for twice as many a compiler takes more than twice the time."""
+"""Largest number of operations in one C function: for twice as many a compiler takes more than twice the time."""
 
 _ZEROS = 100
-"""Zeros of a result that are written one by one; more are cleared at once."""
+"""Number of zeros of a result that are written one by one; more are cleared in a loop."""
 
 _DECLARATION = "const double "
 

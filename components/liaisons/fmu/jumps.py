@@ -31,7 +31,7 @@ _MOST = 64
 """Prescribed numbers beyond which there are too many pairs to sample."""
 
 _NOTHING = 1e-9
-"""Differences of rates are rounding errors below this part of the rates."""
+"""Differences of rates below this part of the rates are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def jump_effects(model: Model) -> Jumps:
         resting[[rate for rate, _ in numbers]] = 0
         for i, (rate, acceleration) in enumerate(numbers):
             moves[i] |= sample.depends_on_product(resting, rate).any()
-            # Rates depend on accelerations that make constraint forces: momenta are no states of motion then.
+            # Rates depend on accelerations that make constraint forces: momenta are not states of motion then.
             mixes[i, i] |= sample.depends_on_product(sample.u, acceleration).any()
             for j, (second_rate, _) in enumerate(numbers[: i + 1]):
                 mixes[i, j] |= sample.depends_on_product(sample.u, rate, second_rate).any()

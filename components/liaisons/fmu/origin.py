@@ -28,7 +28,7 @@ def provenance(model: Model) -> dict[str, str]:
     They are those of the package that publishes the component.  The date is that of the environment variable
     SOURCE_DATE_EPOCH, else, of a component of liaisons, that of its version.
 
-    :raises BuildError: if SOURCE_DATE_EPOCH is no number of seconds.
+    :raises BuildError: if SOURCE_DATE_EPOCH is not a number of seconds.
     """
     package = publishing_package(model.module)
     ours = package is own_distribution()

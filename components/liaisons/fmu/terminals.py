@@ -18,7 +18,7 @@ from liaisons.language import Terminal, TerminalMember
 from liaisons.mechanics import Model
 
 MOST_ELEMENTS = 100
-"""Elements of an array up to which FMI 2.0, which has no arrays, gets terminals for them."""
+"""Size of the largest array whose elements have terminals in FMI 2.0, which has no arrays."""
 
 _ROTATION = {"s": "phi", "v": "w", "a": "a"}
 _COMPONENT = re.compile(r"(?P<point>.+)_(?P<axis>[xyz])(?P<index>\[\d+\])?")

@@ -70,7 +70,7 @@ def call(instance: object, name: str, *arguments: Any) -> Any:
 def checked_scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     """Value as a scalar expression of known symbols.
 
-    :raises ComponentError: if it is no expression, no scalar, or contains an unknown symbol.
+    :raises ComponentError: if it is not an expression, not a scalar, or contains an unknown symbol.
     """
     label = f"{owner.__name__}.{name}"
     if value is None:
@@ -151,7 +151,7 @@ class Formulas:
         """Raise a ComponentError for formulas whose units do not fit.
 
         :param symbols: all that occur; their units are those of the variables of their names.
-        :param further: units of symbols that are no variables.
+        :param further: units of symbols that are not variables.
         """
         unit = {v.name: v.unit for variable in variables for v in (variable, *variable.elements())} | further
         unit |= {item.name: units.ANY for item in declarations_of(self._owner, Symbol) if item.unchecked}

@@ -109,7 +109,7 @@ class Symbol(Declaration[ca.SX]):
     :param above: excluded lower bound; ``minimum`` is the included one.
     :param below: excluded upper bound; ``maximum`` is the included one.
     :param symbol: letter in the FMU's documentation, ``"κ"`` or ``"m_1"``; by default that of the name.
-    :raises ComponentError: for contradictory bounds, or a value that is no number.
+    :raises ComponentError: for contradictory bounds, or a value that is not a number.
     """
 
     leading: tuple[float, ...] = ()  # start values of the first elements of an array
@@ -308,7 +308,7 @@ class Input(Symbol):
 
 
 class InternalState(Symbol):
-    """A state that is no coordinate, for example the friction of a thermostat; ``internal_rates`` gives its rate."""
+    """A state that is not a coordinate, for example the friction of a thermostat; ``internal_rates`` gives its rate."""
 
     example = 'InternalState("1/s", "friction of the thermostat")'
 
@@ -452,7 +452,7 @@ class DeclaredFormula(Declaration[T]):
 
     def __call__(self, method: Callable[[Any], T]) -> Self:
         if not callable(method):
-            text = f"{self.description!r}: {method!r} is no method; put the declaration above one, as @..."
+            text = f"{self.description!r}: {method!r} is not a method; put the declaration above one, as @..."
             raise ComponentError(text)
         self.method = method
         return self

@@ -42,7 +42,7 @@ class FreeColumns:
     q: ca.SX  # (n, 1)
     sizes: ca.DM  # nominal values (n, 1)
     q_dot: ca.SX  # (f, 1)
-    rate_sizes: ca.DM  # at the nominal value a second (f, 1)
+    rate_sizes: ca.DM  # at the nominal value per second (f, 1)
     q_ddot: ca.SX  # (f, 1)
     p: ca.SX  # (f, 1)
     kinematics: ca.SX  # K with dq/dt = K q̇, (n, f)
@@ -145,7 +145,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     def of_size(cls, n: object) -> type[Mechanism]:
         """The same mechanism with n elements.
 
-        :raises ComponentError: if it has no Size n, or n is no whole number, or too small.
+        :raises ComponentError: if it has no Size n, or n is not a whole number, or too small.
         """
         size = getattr(cls, "n", None)
         if not isinstance(size, Size):

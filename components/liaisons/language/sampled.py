@@ -99,7 +99,7 @@ class SampledStates(SignalComponent, abstract=True):
 
 
 class Sampled(SampledStates, abstract=True):
-    """Discrete-time component that reads its inputs once a period, at t = 0, period, 2 period, ...; abstract.
+    """Discrete-time component that reads its inputs once per period, at t = 0, period, 2 period, ...; abstract.
 
     A subclass declares inputs, parameters, discrete states and outputs, and defines ``update``.  Outputs are
     constant between samples; with a delay of computation they change so much later.

@@ -102,14 +102,14 @@ def components(target: Target) -> list[type[Component]]:
 
     if isinstance(target, type):
         if not _is_concrete(target):
-            reason = "is abstract" if issubclass(target, Component) else "is no component"
+            reason = "is abstract" if issubclass(target, Component) else "is not a component"
             raise ProjectError(
                 f"the class {target.__name__} {reason}; derive one from liaisons.Mechanism, Operator or Sampled"
             )
         return [target]
     if not isinstance(target, (str, os.PathLike)):
         raise ProjectError(
-            _no_component_message(target, "is no component; give its name ('Pendulum'), its file or its class")
+            _no_component_message(target, "is not a component; give its name ('Pendulum'), its file or its class")
         )
     robot = _ROBOT.fullmatch(str(target))
     return [_robot_component(*robot.groups(""))] if robot else _components_of_word(str(target))
@@ -121,7 +121,7 @@ def _components_of_word(target: str) -> list[type[Component]]:
         if target == "all":
             return list(catalogue().values())
         if target.endswith(".fmu"):
-            raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
+            raise ProjectError(f"{target} is not a component; give the file or class that this FMU was built from")
         if not is_named(target):
             raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
         return [_published_component(target)]
@@ -157,7 +157,7 @@ def _robot_component(path: str, prescribe: str, *options: str) -> type[Component
     if path.lower().endswith(".urdf"):
         robot = Linkage.from_urdf(path, _words(prescribe), floating_base=bool(floating), **more)
     elif floating:
-        raise ProjectError(f"{path}: floating-base is of URDF files; in MJCF a body of the world has a <freejoint>")
+        raise ProjectError(f"{path}: floating-base is for URDF files; in MJCF a body of the world has a <freejoint>")
     else:
         robot = Linkage.from_mjcf(path, _words(prescribe), **more)
     _files[robot] = Path(path).resolve()
@@ -192,7 +192,7 @@ def model(component: type[Component], **sizes: object) -> Model:
     """Model of a component, with the declared structural size or another one.
 
     :raises ProjectError: if the component has no size of that name.
-    :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
+    :raises ComponentError: if it cannot be derived, or a size is not a whole number or too small.
     """
     from liaisons.mechanics import assemble
 
@@ -217,7 +217,7 @@ def derive(target: Target) -> Equations:
 
     class_ = component(target)
     if not issubclass(class_, Mechanism):
-        raise ProjectError(f"{class_.__name__} is no Mechanism; equations({class_.__name__!r}) shows what it obeys")
+        raise ProjectError(f"{class_.__name__} is not a Mechanism; equations({class_.__name__!r}) shows what it obeys")
     return mechanics.derive(class_)
 
 
@@ -240,7 +240,7 @@ def build(
         and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
     :param arrays: False: in FMI 3.0 the elements of arrays are variables, ``theta[1]``, as they are in FMI 2.0, for
-        importers that know no arrays.
+        importers that do not know arrays.
     :returns: path of the FMU.
     :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of
         another component's.
@@ -349,14 +349,16 @@ def fmu_file(target: Target) -> Path:
         return fmu_path(target)
     if not isinstance(target, (str, os.PathLike)):
         remedy = "give the path of an FMU, or the name ('Pendulum'), file or class of a component"
-        raise ProjectError(_no_component_message(target, f"is no FMU and no component; {remedy}"))
+        raise ProjectError(_no_component_message(target, f"is neither an FMU nor a component; {remedy}"))
     path = Path(target)
     if path.suffix == ".ssp":
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
     if not _is_source(path.name) and not is_named(str(target)):
-        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), component_names())}")
+        raise ProjectError(
+            f"{str(target)!r} is neither a file nor a component{suggestion(str(target), component_names())}"
+        )
     name = str(target)
     unchanged = fmus_directory() / f"{name}.fmu"
     return unchanged if name in catalogue_names() and is_unchanged(unchanged) else fmu_path(target)
@@ -367,12 +369,13 @@ def _is_source(name: str) -> bool:
 
 
 def _no_component_message(target: object, text: str) -> str:
-    """Message about an object that is no component; of a system it says what systems do instead."""
+    """Message about an object that is not a component; of a system it says what systems do instead."""
     from liaisons.cosim import System
 
     if isinstance(target, System):
         return (
-            f"{target.name} is a system, no component; flatten() makes one FMU of it, sweep() runs it for many values"
+            f"{target.name} is a system, not a component; flatten() makes one FMU of it, "
+            "sweep() runs it for many values"
         )
     return f"{shown(target)} {text}"
 

@@ -1,4 +1,4 @@
-"""FMUs of the catalogue that need no look at their equations: neither they nor any source has changed since a build."""
+"""FMUs of the catalogue that need no derivation: neither they nor any source has changed since they were built."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _state(path: Path) -> tuple[str, int, int, int]:
 
 @cache
 def _sources() -> str:
-    """Digest of names, times and sizes of what an FMU is made of and by."""
+    """Digest of names, times and sizes of the files that an FMU is made from, and by."""
     files = [_PACKAGES.parent / "pyproject.toml", Path(sys.executable)]
     files += [Path(spec.origin) for name in ("casadi", "numpy") if (spec := find_spec(name)) and spec.origin]
     files += [Path(word) for word in (system_compiler() or [])[:1]]

@@ -298,7 +298,7 @@ def _declare(cls: type[Linkage]) -> None:
         for body in item.bodies:
             if not isinstance(body, Body) or id(body) not in names:
                 label = getattr(body, "name", body)
-                item.refuse(f"{label!r} is no body of {cls.__name__}; declare it above by Body(...), or take ground")
+                item.refuse(f"{label!r} is not a body of {cls.__name__}; declare it above by Body(...), or take ground")
     cls._tree = _joints_outwards(bodies, joints)
     cls._closing = tuple(joint for joint in joints if joint not in cls._tree)
     for item in (*bodies, *joints, *attached):

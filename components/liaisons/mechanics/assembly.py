@@ -19,7 +19,7 @@ def assemble(component: type[Component], n: object = None) -> Model:
 
     :param component: a subclass of Mechanism, Chain, Operator or Sampled.
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
-    :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
+    :raises ComponentError: if n is not a whole number, is too small, or the component has no Size n.
     """
     for kind in component.__mro__:
         if model_of := _MODEL_OF.get(kind):

@@ -209,7 +209,7 @@ def _given_rates(m: Mechanism, symbols: dict[str, ca.SX]) -> ca.SX:
 
 
 def _nominal_states(equations: Equations) -> ca.SX:
-    """Nominal values of the states: of q as declared, of p and energies at rates of one nominal q a second."""
+    """Nominal values of the states: of q as declared, of p and energies at rates of one nominal q per second."""
     free, internal = equations.mechanism.free, equations.mechanism.internal
     sizes, inertia = free.rate_sizes, ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2 if inertia.shape[0] else ca.SX(1)  # all coordinates may be prescribed

@@ -183,11 +183,11 @@ class Model(Layout):
     remember: ca.Function
     nominals: ca.Function
     conditions: ca.Function
-    condition_texts: tuple[str, ...]  # one a condition, e.g. "r must stay > 0"
+    condition_texts: tuple[str, ...]  # one per condition, e.g. "r must stay > 0"
     events: ca.Function
     project: ca.Function | None = None
     reach: ca.Function | None = None
-    reaches: tuple[Reach, ...] = ()  # one a constraint
+    reaches: tuple[Reach, ...] = ()  # one per constraint
     margin: ca.Function | None = None  # how far the constraints are from losing rank
     configuration: tuple[str, ...] = ()  # names of the states that are coordinates, of a mechanism
     start_only: int = 0  # count of the last conditions, which hold at the start alone

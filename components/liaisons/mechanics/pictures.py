@@ -38,12 +38,12 @@ class Drawing:
     def add(self, m: MechanicalComponent, shapes: Iterable[Shape], named: Named) -> None:
         """Append shapes, with the numbers and names of variables that ``named`` returns for their coordinates.
 
-        :raises ComponentError: if one holds what is no scalar, or names no unilateral liaison.
+        :raises ComponentError: if one holds what is not a scalar, or names no unilateral liaison.
         """
         liaisons = [liaison.name for liaison in m.unilaterals]
         for shape in shapes:
             if isinstance(shape, Flash) and shape.liaison not in liaisons:
-                text = f"Flash: {shape.liaison!r} is no unilateral liaison{suggestion(shape.liaison, liaisons)}"
+                text = f"Flash: {shape.liaison!r} is not a unilateral liaison{suggestion(shape.liaison, liaisons)}"
                 raise ComponentError(f"{type(m).__name__}.picture: {text}")
             try:
                 self.shapes.append(shape.document(named))
@@ -72,7 +72,7 @@ def mechanism_picture(m: MechanicalComponent, variables: Mapping[str, ca.SX]) ->
     """Drawing of a mechanism by its method ``picture``.
 
     :param variables: expressions by name.
-    :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
+    :raises ComponentError: if it returns anything but shapes, or a shape holds what is not a scalar.
     """
     drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in variables.items()})
     drawing.add(m, shapes_of(m), drawing.number_or_variable)

@@ -50,7 +50,7 @@ def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
 
 def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
     """Equations of an operator or sampled component: signal, rates of internal states, updates at samples."""
-    arrays = any(isinstance(p, ParameterArray) for p in m.parameters)  # a choice among many is no formula
+    arrays = any(isinstance(p, ParameterArray) for p in m.parameters)  # a choice among many is not a formula
     names = (f"{x.name}_dot" for x in m.internal_states)
     return (
         *(Equation("signal", "y", y) for y in m.triple()[:1] if not arrays),
@@ -134,7 +134,7 @@ def _hamiltonian_equations(equations: Equations) -> tuple[Equation, ...]:
     """
     m, L = equations.mechanism, equations.lagrangian
     for item in (*m.orientations, *m.rheonomic_constraints):
-        raise ComponentError(f"{equations.name}: {item.name} is no coordinate, of which the canonical equations are")
+        raise ComponentError(f"{equations.name}: {item.name} is not a coordinate, of which the canonical equations are")
     names = [item.name for item in (*m.coordinates, *m.actives)]
     x, rates = ca.vertcat(m.free.q, m.active.s), ca.vertcat(m.free.q_dot, m.active.s_dot)
     momenta = gradient(L, rates)

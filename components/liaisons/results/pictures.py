@@ -18,7 +18,7 @@ from liaisons.errors import SimulationError
 VERSION = "1."
 """How versions of readable files begin."""
 _MOST = 10_000
-"""Most shapes and points of wires; matplotlib draws these in a second."""
+"""Largest number of shapes and points of wires; matplotlib draws these in a second."""
 
 Shape = Mapping[str, Any]
 _POINTS, _LISTS = ("from", "to", "at"), ("points", "axes")
@@ -53,13 +53,13 @@ class Picture:
         """Picture of an FMU, from the text of its file.
 
         :param owner: for messages.
-        :raises SimulationError: if it has another version, or is no picture.
+        :raises SimulationError: if it has another version, or is not a picture.
         """
         try:
             document = json.loads(text)
             version, shapes = document["version"], document["shapes"]
             if (count := sum(len(shape.get("points", [0])) for shape in shapes)) > _MOST:
-                raise ValueError(f"it has {count} points, and {_MOST} are the most that are drawn")
+                raise ValueError(f"it has {count} points, but at most {_MOST} are drawn")
             for shape in shapes:
                 missing = [member for member in _KINDS[shape["shape"]] if member not in shape]
                 if missing:
@@ -143,7 +143,7 @@ def _check_shape(shape: Shape) -> None:
     ]
     for triple in triples:
         if not isinstance(triple, list) or len(triple) != 3:
-            raise ValueError(f"{shown(triple)} in a {shape['shape']} is no triple")
+            raise ValueError(f"{shown(triple)} in a {shape['shape']} is not a triple")
     numbers = [number for triple in triples for number in triple]
     for number in [*numbers, *(shape[member] for member in _NUMBERS if member in shape)]:
         if isinstance(number, str) and number:

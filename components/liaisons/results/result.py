@@ -30,7 +30,7 @@ class Result(LabelledSignals):
     ``get()``, ``keys()`` and iteration go by names, an array under its own: ``dict(result)`` has all signals.
 
     :param title: what was simulated.
-    :param time: communication points, or recorded times [s], shape (times,); of a sweep, which keeps one number a case,
+    :param time: communication points, or recorded times [s], shape (times,); of a sweep, with one number per case,
         empty.
     :param names: names of the signals, those of elements one by one; of a sweep, what was varied, then what was kept.
     :param values: shape (len(names), times), (len(names), cases) or (len(names), times, cases).
@@ -53,7 +53,7 @@ class Result(LabelledSignals):
     """
 
     def to_csv(self, path: Path | str, *, plain: bool = False) -> None:
-        """Write a CSV file: names in its first line, units in the second after ``#``, then a line a point or case.
+        """Write a CSV file: names in its first line, units in the second after ``#``, then one line per point or case.
 
         Between them, ``# title: ...`` and a line ``# warning: ...`` each; error estimates are columns behind the
         signals.  Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
@@ -160,10 +160,10 @@ class Result(LabelledSignals):
         :param path: ends in ``.gif``, ``.png`` (a strip of instants), ``.mp4`` (needs the extra ``film``), ``.glb``
             (glTF, for Blender, slides and model viewers), ``.html`` (one file, to be dragged and zoomed) or
             ``NAME_visual.xml`` (for OMEdit, which opens the table ``NAME_res.csv`` that is written beside it).
-        :param speed: seconds of motion a second; real time unless that takes longer than 20 s.
+        :param speed: seconds of motion per second; real time unless that takes longer than 20 s.
         :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``; drawn in
             gif, png and mp4 only.
-        :param turns: how often the camera goes round a spatial mechanism.
+        :param turns: how often the camera circles a spatial mechanism.
         :returns: the speed.
         :raises SimulationError: for another ending, a ghost where none is drawn, a missing extra, a result without a
             picture, or numbers that are not finite.

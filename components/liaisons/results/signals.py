@@ -106,7 +106,7 @@ class LabelledSignals:
     def _check_name(self, name: str) -> None:
         if not isinstance(name, str):
             raise UnknownSignalError(
-                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+                f"the result of {self.title} has signals by name, not by {shown(name)}; take one by one"
             )
 
     def _rows(self, table: Floats, name: str) -> Floats:

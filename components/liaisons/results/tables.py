@@ -21,7 +21,7 @@ from liaisons.results.signals import LabelledSignals
 _FAILURE = "failure"
 """The last column of a file in which there are cases."""
 _ESTIMATES = ("errors", "coupling_error")
-"""Optional columns after the signals: ``error of NAME``, one a signal, and ``coupling_error``."""
+"""Optional columns after the signals: ``error of NAME``, one per signal, and ``coupling_error``."""
 _NOTES = ("title", "warning", "estimates")
 """Metadata of a file: in CSV lines ``# title: a swing``, in Parquet in the metadata of the schema."""
 
@@ -180,7 +180,7 @@ def _signal_fields(title: str, notes: Sequence[tuple[str, str]], table: Table) -
     """Fields of :class:`LabelledSignals` from the columns and notes of a file.
 
     :param title: unless the notes have one.
-    :raises ValueError: with the reason, if these are no signals.
+    :raises ValueError: with the reason, if these are not signals.
     """
     noted, names, units = dict(notes), table.names, table.units
     if not (names and table.rows):

@@ -26,7 +26,7 @@ def test_slope_of_a_power_is_its_exponent(order: int) -> None:
         ([0.1, 0.2, 0.4], [math.nan, 1e-2, 1e-1], "errors .* must be finite and > 0"),
         ([-0.1, 0.2, 0.4], [1e-3, 1e-2, 1e-1], "step sizes .* must be finite and > 0"),
         ([0.1, 0.1, 0.1], [1e-3, 1e-2, 1e-1], "give different ones"),
-        ([0.1, 0.2, 0.4], [1e-3, 1e-2], "one error a step size"),
+        ([0.1, 0.2, 0.4], [1e-3, 1e-2], "one error per step size"),
     ],
 )
 def test_slope_refuses_what_has_no_order(h: list[float], errors: list[float], words: str) -> None:
@@ -85,7 +85,7 @@ def test_a_kepler_ellipse_closes() -> None:
     ("call", "words"),
     [
         (lambda: crossings([0.0, 1.0], [1.0, 2.0, 3.0], [1.0, 2.0]), r"shapes \(2,\), \(3,\), \(2,\)"),
-        (lambda: crossings([0.0, 0.0], [1.0, 2.0], [1.0, 2.0]), "instants that increase"),
+        (lambda: crossings([0.0, 0.0], [1.0, 2.0], [1.0, 2.0]), "increasing instants"),
         (lambda: frequencies([1.0, 2.0], 0.1), "three values"),
         (lambda: frequencies([1.0, 2.0, 3.0], np.nan), "step = nan"),
         (lambda: hamiltonian_flow(_circles, [1.0, 0.0, 0.0], 1.0), r"shape \(3,\); give as many p as q"),

@@ -298,7 +298,7 @@ FMUS: dict[str, tuple[str, Write]] = {
     "drive": ("would lie outside", beside(b"C:evil", b"!")),
     "backslash": ("would lie outside", beside(b"..\\evil", b"!")),
     "link": ("is a symbolic link", beside(b"resources/a", b"/etc/passwd", mode=stat.S_IFLNK | 0o777)),
-    "NUL in a name": ("is no name of a file", beside(b"resources/a\0b", b"!")),
+    "NUL in a name": ("is not a name of a file", beside(b"resources/a\0b", b"!")),
     "name that is no UTF-8": ("can't decode", beside(b"\xff\xfe", b"!", flags=0x800)),
     "name twice": ("is there twice", text(GOOD, *(Member(b"resources/a", c) for c in (b"1", b"2")))),
     "file that is a folder": (
@@ -345,7 +345,7 @@ FMUS: dict[str, tuple[str, Write]] = {
     "value reference one": ("invalid literal", text(two(scalar("y", "one")))),
     "negative dimension": ("a dimension of 'a' is -3", text(three(array('start="-3"')))),
     "dimension that is nowhere": (
-        "value reference 77, which is no structural",
+        "value reference 77, which is not a structural",
         text(three(array('valueReference="77"'))),
     ),
     "dimension of nothing": ("value reference None", text(three(array("")))),

@@ -95,7 +95,7 @@ def test_input_has_one_source_and_nothing_is_connected_by_halves(system: System)
 
 def test_end_of_another_system_is_refused(system: System, fmu: FmuPaths) -> None:
     stranger = System("other").add("spring", fmu("Spring"))
-    with pytest.raises(ConnectError, match=r"spring\.seen is no component of wired"):
+    with pytest.raises(ConnectError, match=r"spring\.seen is not a component of wired"):
         system.connect(stranger["seen"], system.parts["spring"]["length"])
 
 

@@ -169,7 +169,7 @@ def test_warnings_have_an_end(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -
         simulate(fmu("Loud"), stop_time=1.0, step_size=1e-3)
     warnings = [record for record in caplog.records if record.levelno == logging.WARNING]
     assert len(warnings) == 100
-    assert warnings[-1].message.endswith("; further warnings of it are not shown")
+    assert warnings[-1].message.endswith("; further warnings from it are not shown")
 
 
 def test_what_is_not_finite_is_said_once_a_variable(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:

@@ -64,7 +64,7 @@ def test_breaks_that_are_no_instants_are_refused_in_one_line(breaks) -> None:
 
 def test_breaks_ascend() -> None:
     assert Signal(math.sin, breaks=np.array([0.5, 0.1, 0.5])).breaks == (0.1, 0.5)
-    with pytest.raises(SimulationError, match=r"Signal: 1\.0 is no function of time"):
+    with pytest.raises(SimulationError, match=r"Signal: 1\.0 is not a function of time"):
         Signal(1.0)  # pyright: ignore[reportArgumentType]
 
 

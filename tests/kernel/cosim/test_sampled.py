@@ -252,7 +252,7 @@ def test_what_takes_no_function_says_so(task: str, tmp_path: Any) -> None:
     }
     with pytest.raises(LiaisonsError) as caught:
         tasks[task.split()[1]]()
-    assert f": {task} takes no function of Python; declare a Sampled component" in str(caught.value)
+    assert f": {task} takes no Python function; declare a Sampled component" in str(caught.value)
 
 
 def test_the_closed_form_of_the_controller() -> None:

@@ -91,7 +91,7 @@ def test_strings_are_handed_on(fmu: FmuPaths) -> None:
     result = system.simulate(1.0, 0.25)
     assert result["other.word"].tolist() == result["one.label"].tolist() == ["früh"] * 3 + ["late"] * 2
     apart = wired("one.label -> other.word", one=fmu("Discrete"), other=(fmu("Discrete"), {"isolated": True}))
-    with pytest.raises(SimulationError, match="hands on strings, which isolated FMUs cannot: do not isolate other"):
+    with pytest.raises(SimulationError, match="carries strings, which isolated FMUs cannot exchange: do not isolate"):
         apart.simulate(1.0, 0.25)
 
 
@@ -156,7 +156,7 @@ def test_functions_of_single_inputs(fmu: FmuPaths) -> None:
         ({"lenght": math.sin}, "no variable 'lenght'; did you mean 'length'"),
         ({"seen": math.sin}, r"inputs: Spring\.seen is of causality 'output'"),
         ({"input_reconstruction": math.sin}, r"inputs: Spring\.input_reconstruction is of causality 'parameter'"),
-        ({"length": 1.0}, r"inputs: length = 1\.0 is no function of time"),
+        ({"length": 1.0}, r"inputs: length = 1\.0 is not a function of time"),
         (
             {"length_dot": lambda t: (t, t)},
             r"input 'length_dot': .* \[0\.0, 0\.0\] at t = 0 s, expected 1 finite number$",
@@ -199,7 +199,7 @@ def test_a_rate_that_contradicts_its_function_is_no_break_at_every_instant(fmu: 
 
 
 def test_a_start_value_beside_a_function_is_refused(fmu: FmuPaths) -> None:
-    words = r"^Probe\.u = 0\.7: the function of inputs says 0 where it begins; leave one out$"
+    words = r"^Probe\.u = 0\.7: its function in inputs starts with 0; leave one out$"
     with pytest.raises(SimulationError, match=words):
         simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": math.sin}, u=0.7)
     with pytest.raises(SimulationError, match=r"^Spring\.length_dot = 0\.1: "):

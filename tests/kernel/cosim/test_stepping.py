@@ -306,14 +306,14 @@ REFUSED: dict[str, tuple[Callable[[Run], object], str]] = {
     "a state of none": (lambda run: run.reset(thta_0=1.0), "no variable 'thta_0'"),
     "backwards": (lambda run: run.pace(-1.0), "pace = -1.0: must be > 0"),
     "a start": (lambda run: run.reset(mass=-1.0), "mass = -1 at t = 0: it must be > 0"),
-    "no state": (lambda run: run.restore(None), "None is no state of a run; restore what its own save"),  # pyright: ignore[reportArgumentType]
+    "no state": (lambda run: run.restore(None), "None is not a state of a run; restore what its own save"),  # pyright: ignore[reportArgumentType]
     "too many": (lambda run: run.stepper(["theta_force"], [])([0.1, 0.2]), r"0.1, 0.2\]: give one number for each of"),
     "none": (lambda run: run.stepper(["theta_force"], [])([]), r"inputs = \[\]: give one number for each of"),
     "uneven": (lambda run: run.stepper(["theta_force"], [])([[1.0], []]), r"inputs = \[\[1.0\], \[\]\]: give numbers"),
     "pickled": (pickle.dumps, "Pendulum: a run has FMUs in memory, and cannot be copied or pickled"),
     "a pickled state": (lambda run: pickle.dumps(run.save()), "cannot be copied or pickled; pickle its result"),
     "no inputs": (lambda run: run.step(5), "inputs = 5: give a dictionary"),  # pyright: ignore[reportArgumentType]
-    "no name": (lambda run: run[["theta"]], r"variables go by name, \['theta'\] is none"),  # pyright: ignore[reportArgumentType]
+    "no name": (lambda run: run[["theta"]], r"a variable is read by its name, not by \['theta'\]"),  # pyright: ignore[reportArgumentType]
 }
 
 
@@ -397,8 +397,8 @@ def test_an_fmu_that_ends_the_simulation_ends_the_run(fmu: FmuPaths) -> None:
     [
         ({}, "give step_size"),
         ({"step_size": 0.0}, "step_size = 0.0: must be > 0"),
-        ({"step_size": 0.1, "verify": True}, r"verify = True: is for simulate\(\)"),
-        ({"step_size": 0.1, "real_time": 1.0}, r"real_time = 1.0: is for simulate\(\)"),
+        ({"step_size": 0.1, "verify": True}, r"verify = True: only simulate\(\) takes it"),
+        ({"step_size": 0.1, "real_time": 1.0}, r"real_time = 1.0: only simulate\(\) takes it"),
     ],
 )
 def test_settings_of_no_use(fmu: FmuPaths, settings: dict[str, Any], words: str) -> None:

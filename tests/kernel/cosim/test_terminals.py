@@ -133,7 +133,7 @@ def test_a_point_is_a_terminal_of_terminals(renamed: Renamed) -> None:
     system = _oscillation(mass, spring, "mass.tip -> spring.foot")
     assert len(system.connections) == 4
     assert ">tip<" in system.diagram().svg
-    with pytest.raises(ConnectError, match=r"mass\.tip is a terminal and no variable"):
+    with pytest.raises(ConnectError, match=r"mass\.tip is a terminal, not a variable"):
         system.parts["mass"]["tip"].elements()
     other = renamed("Cubic", CUBIC, point("tip", _terminal("x", _members(CUBIC))), "Other")
     with pytest.raises(ConnectError, match=r"other\.tip has the port components x, spring\.foot has z"):

@@ -206,13 +206,13 @@ def slip(static: Any = "grip", formula: Any = lambda m: m.dot(m.x - m.belt), **o
             r": contact_force\('gup'\) takes one of its unilateral liaisons or dry frictions: gap$",
         ),
         (gap() | {"gap_force": Parameter(1.0, "N", "force")}, r": two variables would be called 'gap_force': "),
-        (slip("grib"), r"slip: is bounded by 'grib', which is no parameter and no method; did you mean 'grip'\?$"),
+        (slip("grib"), r"slip: is bounded by 'grib', which is neither a parameter nor a method; did you mean 'grip'"),
         (
             slip(3.0),
-            r"slip: is bounded by 3\.0, which is no parameter and no method; known: bounce, grip, mass, rough$",
+            r"slip: is bounded by 3\.0, which is neither a parameter nor a method; known: bounce, grip, mass, rough$",
         ),
-        (slip(None), r"slip: is bounded by None, which is no parameter and no method; known: "),
-        (slip(sliding="grib"), r"slip: is bounded by 'grib', which is no parameter and no method; did you mean"),
+        (slip(None), r"slip: is bounded by None, which is neither a parameter nor a method; known: "),
+        (slip(sliding="grib"), r"slip: is bounded by 'grib', which is neither a parameter nor a method; did you mean"),
         (slip("rough"), r"Odd\.rough: rough is a pure number where N is expected"),
         (gap() | slip(normal="gap"), r"Odd\.grip: grip is N where 1 is expected"),
         (

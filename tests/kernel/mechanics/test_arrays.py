@@ -65,7 +65,7 @@ def test_size_is_chosen_when_it_is_built(tmp_path: Path) -> None:
     run = simulate(path, mass=np.ones(5), stiffness=np.zeros(4), x_0=start, x_dot_0=np.zeros(5), **SETTINGS)
     np.testing.assert_allclose(run["x"], np.outer(np.cos(np.sqrt(2.0) * run.time), start), rtol=0, atol=1e-13)
     assert assemble(Row, 3) is assemble(Row)
-    with pytest.raises(ComponentError, match=r"Row: n = 1: give a whole number, 2 at least"):
+    with pytest.raises(ComponentError, match=r"Row: n = 1: give a whole number, at least 2"):
         assemble(Row, 1)
     with pytest.raises(ComponentError, match=r"Pendulum: n = 4: only what declares n = Size\(...\) has a size"):
         assemble(Pendulum, 4)

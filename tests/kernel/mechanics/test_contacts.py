@@ -699,7 +699,7 @@ def test_contacts_beside_a_chain(tmp_path: Path) -> None:
     ("options", "text"),
     [
         ({"size": "n - 1"}, r"Wrong.slip: returns .*: it must be a column of n - 1 = 2 elements"),
-        ({"size": "n", "static": "few"}, r"Wrong.slip\[3\]: is bounded by 'few\[3\]', which is no parameter"),
+        ({"size": "n", "static": "few"}, r"Wrong.slip\[3\]: is bounded by 'few\[3\]', which is neither a parameter"),
         (
             {"size": "n", "static": "few", "normal": "gap"},
             r"Wrong.slip\[3\]: takes the force of normal = 'gap\[3\]': na",

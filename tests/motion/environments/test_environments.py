@@ -389,7 +389,7 @@ def test_actions_are_refused() -> None:
         for duplicate in (copy.copy, copy.deepcopy, pickle.dumps):
             with pytest.raises(SimulationError, match=f"^Pendulum is neither copied nor pickled; make another {name}$"):
                 duplicate(environment)
-    for count, words in ((0, "give a whole number, 1 at least"), (10**30, "more than memory holds; 10000000 at most")):
+    for count, words in ((0, "give a whole number, at least 1"), (10**30, "more than memory holds; 10000000 at most")):
         with pytest.raises(InvalidValueError, match=f"^num_envs = {count}: {words}$"):
             VectorEnvironment("Pendulum", num_envs=count, **SWING)
     with pytest.raises(InvalidValueError, match=r"options = .*: give ranges in randomize"):

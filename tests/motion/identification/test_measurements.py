@@ -192,7 +192,7 @@ def test_arrays_are_named_element_by_element() -> None:
         ("time,theta\n0,1\n1,inf\n", "column theta: line 3: finite numbers only"),
         ("time,theta\n0,1\n1\n", "measured.csv, line 3: 1 numbers for 2 columns"),
         ("time,theta [px]\n0,1\n1,2\n", "column theta: unit 'px' is not understood"),
-        ("time,theta [cm]\n0,1\n1,2\n", "column theta: unit 'cm' is none of what is measured in 'rad'"),
+        ("time,theta [cm]\n0,1\n1,2\n", "column theta: unit 'cm' cannot be converted to 'rad'"),
         ("time,theta,length_dot\n0,1,1\n1,2,2\n", "column length_dot: length has no column; add it"),
     ],
 )

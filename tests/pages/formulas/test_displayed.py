@@ -385,7 +385,7 @@ def test_coupled_accelerations_at_rest_are_those_of_textbooks() -> None:
 
 @pytest.mark.parametrize(
     ("component", "reason"),
-    [(SpatialCat, "attitude is no coordinate"), (CartesianPendulum, "rod is no coordinate")],
+    [(SpatialCat, "attitude is not a coordinate"), (CartesianPendulum, "rod is not a coordinate")],
 )
 def test_without_a_hamiltonian_a_line_says_why(component, reason) -> None:
     shown = displayed(component)
@@ -423,7 +423,7 @@ def test_what_is_no_component_is_refused(subject) -> None:
 
 @pytest.mark.parametrize("component", [PendulumChain, Sinusoid])
 def test_what_has_no_lagrangian_of_its_own_is_not_derived(component) -> None:
-    with pytest.raises(ProjectError, match=f"{component.__name__} is no Mechanism; equations"):
+    with pytest.raises(ProjectError, match=f"{component.__name__} is not a Mechanism; equations"):
         derive(component)
 
 

@@ -79,7 +79,7 @@ def test_the_file_names_the_count_of_impacts_and_is_of_version_1_1() -> None:
 
 def test_a_flash_names_a_unilateral_liaison() -> None:
     wrong = type("_Wrong", (_Bouncing,), {"picture": lambda _: [Flash({}, "gaps")], "__module__": __name__})
-    with pytest.raises(ComponentError, match=r"^_Wrong\.picture: Flash: 'gaps' is no unilateral liaison.*gap"):
+    with pytest.raises(ComponentError, match=r"^_Wrong\.picture: Flash: 'gaps' is not a unilateral liaison.*gap"):
         document(wrong)
 
 
@@ -155,7 +155,7 @@ def test_a_flash_begins_at_an_impact_and_fades() -> None:
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ({"shape": "floor", "at": [0, 0, 0], "normal": [0, 1], "width": 1}, "is no triple"),
+        ({"shape": "floor", "at": [0, 0, 0], "normal": [0, 1], "width": 1}, "is not a triple"),
         ({"shape": "floor", "at": [0, 0, 0], "normal": [0, 0, 0], "width": 1}, "three unit vectors"),
         ({"shape": "rope", "from": [0, 0, 0], "to": [0, 0, 1]}, "'length'"),
         ({"shape": "rope", "from": [0, 0, 0], "to": [0, 0, 1], "length": None}, "neither a number nor a name"),

@@ -101,7 +101,7 @@ def test_a_root_moves_freely_and_a_medium_is_left_out_if_requested(liaisons: Cli
     listed = liaisons("equations", "swim.xml", "--leave-out", "density, viscosity")
     assert listed.status == 0, listed.err
     assert "left out: viscosity of <option>, on request" in listed.err
-    assert is_misuse(liaisons("equations", "swim.xml", "--floating-base"), "floating-base is of URDF files")
+    assert is_misuse(liaisons("equations", "swim.xml", "--floating-base"), "floating-base is for URDF files")
     assert is_misuse(liaisons("equations", "Pendulum", "--leave-out", "density"), "are of a robot's file")
 
 

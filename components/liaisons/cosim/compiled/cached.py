@@ -1,4 +1,4 @@
-"""Libraries of our own C code, each compiled once a user, and kept in the cache."""
+"""Libraries of our own C code, each compiled once per user and kept in the cache."""
 
 from __future__ import annotations
 

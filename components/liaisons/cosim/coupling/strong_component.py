@@ -204,9 +204,8 @@ class StrongComponent:
             self._bus.check_status(choose_pivots, RAISED)
         except RuntimeError:
             raise SimulationError(
-                f"{self._names}: what they hand each other at t = {self._bus.end.value:.10g} s depends on itself "
-                "without a single solution, as with a body that carries itself or two that prescribe each other: "
-                "change the connections"
+                f"{self._names}: what they exchange at t = {self._bus.end.value:.10g} s has no unique "
+                "solution, as with a body that carries itself or two that prescribe each other: change the connections"
             ) from None
 
     def _raise_divergence(self) -> NoReturn:
@@ -223,6 +222,6 @@ class StrongComponent:
         else:
             cure = "choose a smaller step_size, or coupling='implicit'"
         raise RefusedError(
-            f"{self._names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, {signal} "
+            f"{self._names}: what they exchange does not converge at t = {self._bus.end.value:.10g} s, {signal} "
             f"least of all, after {_MOST_ITERATIONS} iterations: {cure}"
         )

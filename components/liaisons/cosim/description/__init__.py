@@ -1,1 +1,1 @@
-"""What a file says of an FMU: archive and modelDescription.xml in, :class:`.fmu.Fmu` and checked start values out."""
+"""What a file says about an FMU: archive in, :class:`.fmu.Fmu` and checked start values out."""

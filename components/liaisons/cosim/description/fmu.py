@@ -66,7 +66,7 @@ class Fmu:
     :param takes_intermediate_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
     :param output_derivative_order: highest order of output derivatives that can be read.
     :param unpacked: size of its files in bytes.
-    :param function: of Python, called instead of a library; None: the FMU has a library.
+    :param function: Python function that is called instead of a library; None: the FMU has a library.
     """
 
     path: Path
@@ -147,7 +147,7 @@ class Fmu:
     def next_event_variable(self) -> Scalar | None:
         """The variable ``next_event_time``, the next instant [s] at which outputs jump; None without such a variable.
 
-        FMUs of liaisons whose outputs jump at such instants have it; its greatest value means that none follows.
+        FMUs of liaisons whose outputs jump at such instants have it; its largest value means that there is none.
         """
         event = self.variables.entries.get("next_event_time")
         if not isinstance(event, Scalar):
@@ -180,12 +180,12 @@ class Fmu:
             return START_VALUES in archive.namelist() and archive.read(START_VALUES).startswith(b"t ")
 
     def require_file(self, task: str) -> None:
-        """Raise an error if the FMU is a function of Python, which has no file.
+        """Raise an error if the FMU is a Python function, which has no file.
 
         :param task: the task that needs a file, such as ``"an archive"``.
         """
         if self.function is not None:
-            raise SimulationError(f"{self.model_name}: {task} takes no function of Python; declare a Sampled component")
+            raise SimulationError(f"{self.model_name}: {task} takes no Python function; declare a Sampled component")
 
     def unknown_variable_message(self, name: str, *suggestions: str) -> str:
         """Message for a variable that does not exist; it may propose variables and further ``suggestions``."""

@@ -169,7 +169,7 @@ class Description:
         """
         self._memory += size
         if self._memory > _MOST_MEMORY:
-            raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
+            raise ValueError(f"its content takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
     def finish(self) -> Description:
         """Complete the description after the last tag; returns the description itself."""
@@ -243,7 +243,7 @@ class Description:
         self._count += 1
         reference = int(attributes["valueReference"])
         if not 0 <= reference <= _MOST_REFERENCE:
-            raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which has no 32 bits")
+            raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which exceeds 32 bits")
         if self._keeps_attributes:
             self.attributes[attributes["name"]] = {"causality": "local", **typed, **attributes, "tag": tag}
             self._count_memory(_BYTES_OF_VARIABLE)
@@ -379,7 +379,7 @@ def _dimension_size(name: str, start: str | None, reference: str | None, sizes: 
     """Size of a dimension, from its own start value or from the structural parameter that it refers to."""
     if start is None and int(reference or -1) not in sizes:
         raise ValueError(
-            f"a dimension of {name!r} is that of value reference {reference}, which is no structural parameter"
+            f"a dimension of {name!r} is that of value reference {reference}, which is not a structural parameter"
         )
     size = sizes[int(reference or 0)] if start is None else int(start)
     if size < 0:

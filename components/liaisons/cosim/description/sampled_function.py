@@ -1,4 +1,4 @@
-"""A function of Python as a sampled component of a system: what it reads and writes, and its description as an FMU."""
+"""A Python function as a sampled component of a system: what it reads and writes, and its description as an FMU."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SampledFunction:
 
     @property
     def inputs(self) -> dict[str, str]:
-        """Name of each input -> ``"component.variable"`` that it reads; the time is none."""
+        """Name of each input -> ``"component.variable"`` that it reads, time excepted."""
         return {variable_name(name): name for name in self.reads if name != TIME}
 
     @property
@@ -96,7 +96,7 @@ def sampled(
     state: Any = None,
     delay: float = 0.0,
 ) -> SampledFunction:
-    """Component of a system that calls a function of Python once a period, and holds its outputs between.
+    """Component of a system that calls a Python function once per period, and holds its outputs between.
 
     ::
 
@@ -115,10 +115,10 @@ def sampled(
     :param writes: names of what it returns, a number or a sequence of numbers, likewise.
     :param state: what it remembers from sample to sample, at first; None: nothing.
     :param delay: from a sample to the change of the outputs [s], at most the period.
-    :raises InvalidValueError: for what is no function, a time out of range, and a name that is given twice.
+    :raises InvalidValueError: for anything but a function, a time out of range, and a name that is given twice.
     """
     if not callable(function):
-        raise InvalidValueError(f"sampled: {shown(function)} is no function")
+        raise InvalidValueError(f"sampled: {shown(function)} is not a function")
     label = f"sampled: {getattr(function, '__name__', 'function')}"
     check_positive(f"{label}: period", period)
     check_finite(f"{label}: delay", delay)

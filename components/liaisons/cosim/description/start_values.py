@@ -59,7 +59,7 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
 def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
     """Values of the structural parameters among start values, which set the sizes of arrays.
 
-    :raises SimulationError: for one that cannot be set, or a value that is no integer.
+    :raises SimulationError: for one that cannot be set, or a value that is not an integer.
     """
     scalars = {name: entry for name in starts if isinstance(entry := fmu.variables.entries.get(name), Scalar)}
     changed = [name for name, scalar in scalars.items() if scalar.is_structural and scalar.type == "Integer"]
@@ -85,7 +85,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
         raise InvalidValueError(
-            f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one an element, "
+            f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one for each, "
             "or one number for all"
         )
     return [
@@ -102,7 +102,7 @@ def _described_starts(entry: Array) -> Any:
         own = [read_as.get(entry.prototype.type, str)(text) for text in texts]
     except ValueError as error:
         raise SimulationError(
-            f"{entry.prototype.name}: a start value in the model description is none: {error}"
+            f"{entry.prototype.name}: a start value in the model description is invalid: {error}"
         ) from None
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 

@@ -184,7 +184,7 @@ def read_terminals(archive: Archive, variables: Variables) -> Terminals:
         )
     except ValueError as error:
         reason = " ".join(str(error).split())
-        logger.warning("%s: its %s is not used, names of variables tell its ports: %s", archive.path, TERMINALS, reason)
+        logger.warning("%s: its %s is not used, ports follow from variable names: %s", archive.path, TERMINALS, reason)
         return Terminals(variables)
 
 

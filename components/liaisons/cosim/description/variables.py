@@ -1,7 +1,7 @@
 """Variables of an FMU: scalars, and arrays whose elements are made on access.
 
 FMI 2.0 has scalars only and writes an array as ``theta[1]``, ``theta[2]``, ...; FMI 3.0 has one variable ``theta`` with
-dimensions.  In both, ``"theta"`` is an array and ``"theta[2]"`` a scalar.  An element takes some bytes.  An *entry* is
+dimensions.  In both, ``"theta"`` is an array and ``"theta[2]"`` a scalar.  An element takes a few bytes.  An *entry* is
 a scalar or an array; both have ``prototype``, ``size``, ``shape``, ``references`` and ``names()``.
 """
 

@@ -65,9 +65,9 @@ def make_instance(
 
 
 def isolation() -> Callable[[str, Fmu, Callable[[], Instance], float], Instance] | None:
-    """What makes an instance in a process of its own; None where that cannot be done.
+    """Function that makes an instance in a process of its own; None where that is impossible.
 
-    It takes the name of the part, the description of its FMU, what makes the instance there, and the time limit of a
-    call [s].
+    It takes the name of the part, the description of its FMU, the function that makes the instance there, and the
+    time limit of a call [s].
     """
     return None if sys.platform != "linux" else registered("liaisons.isolation")[0]

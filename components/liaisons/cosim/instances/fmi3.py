@@ -35,7 +35,7 @@ from liaisons.errors import SimulationError
 
 @final
 class _StepEnd(Record):
-    """Results of a step: whether it ended the simulation, or early, and the last time that it reached."""
+    """Results of a step: whether it ended the simulation or returned early, and the last time reached."""
 
     _fields_ = structure_fields(HEADER, "Ended")
 

@@ -207,7 +207,7 @@ class Loaded(Instance):
                     self.fmpy_instance.setDebugLogging(True, categories)
         except AttributeError as error:
             self.close()
-            words = f"{name}: the library of {fmu.path.name} is none of FMI {fmu.version}.0: {error}"
+            words = f"{name}: the library of {fmu.path.name} is not one of FMI {fmu.version}.0: {error}"
             raise SimulationError(words) from error
         except Exception as error:  # FMPy raises nothing more specific
             self.close()
@@ -347,7 +347,7 @@ class Loaded(Instance):
             self._messages.append(entry)
             self._warnings += status == WARNING
             shown = status == WARNING and self._warnings <= _MOST_WARNINGS
-            more = "; further warnings of it are not shown" if self._warnings == _MOST_WARNINGS else ""
+            more = "; further warnings from it are not shown" if self._warnings == _MOST_WARNINGS else ""
             logger.log(logging.WARNING if shown else logging.DEBUG, "%s: %s%s", self.name, entry[1], more)
 
     def _message_text(self) -> str:
@@ -360,7 +360,7 @@ class Loaded(Instance):
         """Error for a status other than OK and Warning."""
         is_status = status in range(len(STATUSES))
         self._worst_status = max(self._worst_status, status) if is_status else FATAL
-        label = STATUSES[status] if is_status else f"{status}, which is no status of FMI"
+        label = STATUSES[status] if is_status else f"{status}, which is not a status of FMI"
         words = f"{self.name}: {function}{about} returned {label}{self._message_text()}"
         # after a roll-back, the next failure has its own messages
         self._messages = deque((entry for entry in self._messages if entry[0] < DISCARD), maxlen=_MESSAGES_KEPT)
@@ -369,7 +369,7 @@ class Loaded(Instance):
     def _call(self, function: str, *arguments: object, about: str = "") -> None:
         """Call an FMI function by FMPy, which converts the arguments, and check the status.
 
-        :raises SimulationError: for a status that is none of OK and Warning, and if the library lacks the function.
+        :raises SimulationError: for a status other than OK and Warning, and if the library lacks the function.
         """
         try:
             status = getattr(self.fmpy_instance, function)(self.fmpy_instance.component, *arguments)

@@ -1,4 +1,4 @@
-"""Instances of functions of Python that are sampled."""
+"""Instances of sampled Python functions."""
 
 from __future__ import annotations
 

@@ -26,5 +26,5 @@ def text(number: float) -> bytes:
     :raises SimulationError: if the number is from another process.
     """
     if number not in _texts:
-        raise SimulationError("a string has come from an isolated FMU, which cannot hand it on")
+        raise SimulationError("a string comes from an isolated FMU, which cannot pass it on")
     return _texts[int(number)]

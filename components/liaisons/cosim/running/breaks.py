@@ -38,9 +38,9 @@ break may do so once, where it comes to lie at an end.
 _NOTHING = 2e-14
 """Deviations below this, relative to the function, may be rounding."""
 _MOST = 20
-"""Most breaks in a step that are searched for."""
+"""Number of breaks in a step that are searched for, at most."""
 _OFTEN = 3
-"""Number of steps with more breaks from which on a function is not searched any more."""
+"""A function that has more breaks in so many steps is no longer searched."""
 
 
 class _Comparison(NamedTuple):
@@ -63,7 +63,7 @@ class Deviations:
     """Integrals, once and twice, of the deviations of functions of time in the present step, on the bus.
 
     :param drives: functions of time; those of integers and Booleans are sampled, and left out.
-    :param tolerance: relative to the function; a smaller deviation is no break.
+    :param tolerance: relative to the function; a smaller deviation is not a break.
     :ivar memory: what was seen of the functions until now.
     :ivar columns: of each input: column of the first of the two integrals, and how many numbers its function returns;
         ``span`` are the columns of all integrals.

@@ -107,7 +107,7 @@ class FmuEquations:
 
     @staticmethod
     def are_differentiable(path: Path) -> bool:
-        """Whether an FMU is in continuous time, and its directional derivatives are to be had."""
+        """Whether an FMU is in continuous time, and provides directional derivatives."""
         fmu = read(path, prefers="ModelExchange")
         return fmu.provides_directional_derivatives and not fmu.has_sampled_outputs
 

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from liaisons.cosim.coupling.signals import Signals
 
 _FEW_POINTS = 1024
-"""Points for which there is room at first in a run without an end."""
+"""Number of points for which a run without an end has room at first."""
 
 
 class Happening(Remembering, Protocol):
-    """What happens within steps, as impacts do."""
+    """Events within steps, such as impacts."""
 
     def advance(self, ends: Sequence[float], *, in_result: bool) -> int:
         """Step to the first instant [s], or across the first event before it; returns whether it was reached."""
@@ -105,7 +105,7 @@ class CouplingEstimate(Remembering, Protocol):
         """Warn of large errors, and of contacts that may have been missed.
 
         :param known: errors between communication points, if steps were chosen by them.
-        :param is_complete: whether there are no errors beside, which nothing estimates.
+        :param is_complete: whether there are no other errors, which nothing estimates.
         """
         ...
 
@@ -130,7 +130,7 @@ def impulses_through(simulation: Simulation) -> Impulses | None:
 class Kernel:
     """The FMUs of a run, and all that it remembers.
 
-    :param watched: variables that are on the bus beside those that are connected or in the result.
+    :param watched: variables that are on the bus in addition to those that are connected or in the result.
     :ivar algorithm: the coupling; ``recorder`` makes and records its steps.
     :ivar timeline: the breaks; ``deviations`` finds those that nothing announces.
     :ivar are_samples: whether all breaks are samples, to which steps lead as to any other point.
@@ -156,7 +156,7 @@ class Kernel:
         """Prepare steps and moments, once the bus is as wide as it becomes.
 
         :param watch: calls that may refuse a step after it.
-        :param owners: what else remembers anything from step to step.
+        :param owners: all else that keeps a state from step to step.
         :param estimates: whether errors are estimated.
         """
         parts, fed = self.simulation.parts, {name for name, _ in self.simulation.feeds}

@@ -19,7 +19,7 @@ FmuStates = Sequence[tuple[Call, Call]]
 
 
 class Remembering(Protocol):
-    """What a step changes beside FMUs and bus."""
+    """What keeps a state from step to step, beside FMUs and bus."""
 
     def save(self) -> Any:
         """The state for :meth:`restore`; nothing changes it."""
@@ -61,11 +61,11 @@ class Progress:
 class Moment:
     """The state of a run at an instant, to which it can return any number of times.
 
-    :param run: what tells the run whose state it is.
+    :param run: identifies the run whose state it is.
     :param time: [s].
     :param values: of the bus.
     :param fmus: the states of all FMUs.
-    :param memories: what all else remembers, in the order of ``Moments``; recorded points are shared.
+    :param memories: states of all else, in the order of ``Moments``; recorded points are shared.
     """
 
     run: object
@@ -86,8 +86,8 @@ class Moment:
 class Moments:
     """Saves the state of a run, and restores it.
 
-    :ivar owners: all that remembers anything from step to step, beside FMUs and bus.
-    :ivar run: what tells the moments of a run from those of others; not the run itself, which would keep it alive.
+    :ivar owners: all that keeps a state from step to step, beside FMUs and bus.
+    :ivar run: identifies the moments of a run; not the run itself, which would keep it alive.
     """
 
     def __init__(self, instances: Instances, bus: Bus, owners: Iterable[Remembering]) -> None:

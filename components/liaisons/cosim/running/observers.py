@@ -1,4 +1,4 @@
-"""What a run has come to: its result, errors of its coupling, and warnings of what its watchers have seen."""
+"""The outcome of a run: its result, the errors of its coupling, and warnings of what its observers have seen."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from liaisons.results import Result
 
 @final
 class Observers:
-    """What looks at a run without changing it: the estimate of errors, the watchdog, the clock, impulses that are lost.
+    """Observes a run without changing it: the estimate of errors, the watchdog, the clock, impulses that are lost.
 
     :param impulses: those that go through connections.
     :ivar variables: what they read, recorded or not.

@@ -20,8 +20,13 @@ from liaisons.errors import RefusedError
 _PROGRESS_INTERVAL = 0.02
 """Time between two reports of progress, about [s]."""
 _MOST_IN_BATCH = 256
-"""Most steps for which functions of time are evaluated at once."""
-_SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
+"""Number of steps for which functions of time are evaluated at once, at most."""
+_SAFETY = 0.9
+"""Factor of the step size that the estimate suggests (Hairer, Norsett, Wanner, Solving ODEs I, II.4)."""
+_SMALLEST_FACTOR = 0.2
+"""Smallest ratio of a step size to the one before."""
+_LARGEST_FACTOR = 4.0
+"""Largest ratio of a step size to the one before."""
 _FIRST = 4
 """Number of steps between two communication points that is tried first."""
 _MOST = 1000
@@ -31,7 +36,7 @@ _MEMORY = 5
 _SHORTEST = 1e-12
 """Shortest step, relative to the whole time."""
 _BRINK = 1e-6
-"""Distance from the end of a refused step, relative to the whole time, nearer to which no shorter one is tried."""
+"""Distance to the end of a refused step, relative to the whole time, below which no shorter step is tried."""
 
 
 @final
@@ -159,7 +164,7 @@ class EachStep(_ByErrors):
         self._since, self._beyond, self._reason = start, math.inf, RefusedError("")
 
     def next_steps(self) -> NextSteps | None:
-        """A step, or two at the start of a piece, as of one alone there is no estimate."""
+        """A step, or two at the start of a piece, since one alone has no estimate."""
         now, end, size = self._kernel.recorder.end, self._end, self._size
         if now >= end:
             return None
@@ -213,7 +218,7 @@ class EqualParts(_ByErrors):
         self._count, self._error = _FIRST, 0.0  # number of steps, and their error since the last point
 
     def next_steps(self) -> NextSteps | None:
-        """Steps to the next point, two at least where a piece begins, as of one alone there is no estimate."""
+        """Steps to the next point, at least two where a piece begins, since one alone has no estimate."""
         points, done = self._kernel.simulation.times, self._kernel.progress.points
         if done == len(points):
             return None

@@ -8,7 +8,7 @@ from typing import final
 from liaisons.cosim.messages import logger
 
 _UNNOTICED_DELAY = 1e-3
-"""Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
+"""Lateness below which there is no warning [s]: the resolution of clocks and schedulers."""
 
 
 @final
@@ -16,7 +16,7 @@ class RealTime:
     """Waits after each step until the clock has advanced as much, once it has a pace.
 
     :ivar is_paced: whether it has one.
-    :ivar lateness: by how much the clock was ahead at each step [s].
+    :ivar lateness: how late each step ended [s].
     """
 
     def __init__(self) -> None:
@@ -25,11 +25,11 @@ class RealTime:
 
     def reset(self) -> None:
         """Forget pace and lateness."""
-        self.is_paced, self._begin = False, (1.0, 0.0, 0.0)  # seconds a second, instant of the clock, and simulated
+        self.is_paced, self._begin = False, (1.0, 0.0, 0.0)  # seconds per second, instant of the clock, and simulated
         self.lateness.clear()
 
     def pace(self, factor: float, time: float) -> None:
-        """Begin at a simulated time [s], at ``factor`` simulated seconds a second."""
+        """Begin at a simulated time [s], at ``factor`` simulated seconds per second."""
         self.is_paced, self._begin = True, (factor, perf_counter(), time)
 
     def wait(self, time: float) -> None:

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from liaisons.cosim.running.linearization import Linearization
 
 _MOST_ROUNDS = 6
-"""Most further runs that look for contacts: where bodies touch all the time each is longer than the one before."""
+"""Number of further runs that look for contacts at most; where bodies touch all the time, each takes longer."""
 _MOST_DIVISIONS = 20
-"""Most instants that divide steps for contacts, for each communication point."""
+"""Number of instants that divide steps for contacts at most, for each communication point."""
 _LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 
@@ -94,7 +94,7 @@ class Run:
     def fmu(self, name: str) -> Any:
         """The object of FMPy that is an FMU: ``FMU2Slave``, ``FMU2Model``, ``FMU3Slave`` or ``FMU3Model``.
 
-        All that FMPy can do with it may be done, but for what the run does: to step, reset, terminate and free it.
+        Anything that FMPy offers may be done with it, except what the run does: step, reset, terminate and free it.
 
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
@@ -161,7 +161,7 @@ class Run:
     def stepper(self, inputs: Sequence[str], outputs: Sequence[str]) -> Callable[[ArrayLike], Vector]:
         """Prepare a step as a function of an array.
 
-        :param inputs: names of scalars, as of :meth:`step`.
+        :param inputs: names of scalars, as in :meth:`step`.
         :param outputs: names of scalars that are recorded or connected.
         :returns: function of the inputs, shape (inputs,), that steps and returns the outputs, shape (outputs,).
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
@@ -223,7 +223,7 @@ class Run:
     def pace(self, factor: float = 1.0) -> None:
         """Wait, from now on, after each step until the clock has advanced as much.
 
-        :param factor: simulated seconds a second.
+        :param factor: simulated seconds per second.
         :raises SimulationError: unless it is positive.
         """
         check_positive("pace", factor)
@@ -231,11 +231,11 @@ class Run:
 
     @property
     def lateness(self) -> list[float]:
-        """By how much the clock was ahead at each step that it was waited for [s]."""
+        """How late each paced step ended [s]; 0 if it was in time."""
         return self._observers.real_time.lateness
 
     def wait(self) -> None:
-        """Wait for the clock, if there is a pace; add to ``lateness`` by how much it was ahead [s]."""
+        """Wait for the clock, if there is a pace; append to ``lateness`` how late the step ended [s]."""
         if self._observers.real_time.is_paced:
             self._observers.real_time.wait(self.time)
 
@@ -257,7 +257,7 @@ class Run:
         """
         self._require_unclosed()
         if not isinstance(state, Moment) or state.run is not self._kernel.moments.run:
-            words = "is of another run" if isinstance(state, Moment) else "is no state of a run"
+            words = "is of another run" if isinstance(state, Moment) else "is not a state of a run"
             self._refuse(f"{shown(state)} {words}; restore what its own save() has returned")
         self._lost = True
         self._kernel.moments.restore(state)
@@ -266,7 +266,7 @@ class Run:
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, without instantiating the FMUs again.
 
-        What is refused leaves the run in the state that it had, if the FMUs can return to it; else without one.
+        After an error the run is in the state that it had, if the FMUs can return to it; else it has none.
 
         :param start_values: where they differ from those that the run was made with; of a system by
             ``"component.variable"``.  ``keywords`` are further ones.
@@ -319,7 +319,7 @@ class Run:
         return self._observers.recorded_result(self._kernel)[0]
 
     def conclude_or_divide(self, hidden: Vector) -> Result | Vector:
-        """The result; if a contact may be missed, or found in vain, instants [s] that divide the steps there.
+        """Return the result or, if a contact may be missed or falsely found, instants [s] that divide the steps there.
 
         :param hidden: instants [s] of points that are not in the result.
         """
@@ -378,7 +378,7 @@ def _load(simulation: Simulation, folders: Mapping[Path, Path] | None, stack: Ex
 
 @contextmanager
 def _pause_garbage_collection() -> Iterator[None]:
-    """Switch garbage collection off: it takes half of the time in which thousands of FMUs are instantiated."""
+    """Switch off garbage collection, which takes half of the time when thousands of FMUs are instantiated."""
     looks = gc.isenabled()
     gc.disable()
     try:
@@ -408,7 +408,7 @@ def run_to_end(
     """Run a simulation from its start to its end, or until an FMU ends it.
 
     :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
-    :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
+    :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -454,10 +454,10 @@ def _with_contacts_found(
 ) -> tuple[Result, Vector]:
     """The result of a run, and the ends of its steps [s].
 
-    If a contact may be missed, or found in vain, they are those of another run, in shorter steps there.
+    If a contact may be missed or falsely found, they are those of another run, in shorter steps there.
 
     :param divisions: instants [s] by which steps have been divided already, and which are not in the result.
-    :param rounds: most further runs, after which what may be missed is told.
+    :param rounds: number of further runs at most, after which a warning names what may be missed.
     """
     divisions = np.empty(0) if divisions is None else divisions
     result = run.conclude_or_divide(divisions)

@@ -22,11 +22,11 @@ from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
 
 _NEVER = 1e300
-"""An announced instant beyond this is none: FMUs announce the largest floating-point number [s]."""
+"""An announced instant beyond this means never: FMUs announce the largest floating-point number [s]."""
 _SHORT = 1e-9
 """Size of the tiny step to a break, relative to a communication step."""
 _APART = 4 * CLOCK_ERROR
-"""The same, relative to a period of samples, which FMUs of ours take by one CLOCK_ERROR too early."""
+"""The same, relative to the sampling period: FMUs of ours may sample one CLOCK_ERROR too early."""
 
 
 @final

@@ -29,10 +29,10 @@ _tried: WeakSet[Fmu] = WeakSet()
 
 
 def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float]) -> None:
-    """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
+    """Load, instantiate, initialize and step an FMU in a process of its own, once per file.
 
-    Its inputs keep their start values, so a later crash is still possible.  FMUs that were built on this machine (by
-    their digests, for the name of the tool can be forged) and those tried before with the same start values are not
+    Its inputs keep their start values, so a later crash is still possible.  FMUs built on this machine (told by
+    their digests, since the name of the tool can be forged) and those tried before with the same start values are not
     tried.
 
     :param directory: where the FMU was extracted.

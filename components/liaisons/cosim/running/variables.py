@@ -1,4 +1,4 @@
-"""RunVariables of a run by their names: inputs that its caller sets, values that it reads."""
+"""Variables of a run by their names: inputs that its caller sets, values that it reads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RunVariables:
     def reference(self, name: str) -> VariableReference:
         """Component and variable of a name in the result or in the system."""
         if not isinstance(name, str):
-            raise SimulationError(f"{self._simulation.title}: variables go by name, {shown(name)} is none")
+            raise SimulationError(f"{self._simulation.title}: a variable is read by its name, not by {shown(name)}")
         return self._simulation.recorded.get(name) or self._simulation.document.reference("variable", name)
 
     def columns(self, names: Sequence[str]) -> Indices:

@@ -21,21 +21,21 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import RefusedError
 
 _CONSISTENT = 1e-6
-"""Residual, in its own unit, from which on an FMU refuses a start; projections leave roundings, 1e-15."""
+"""Residual, in its own unit, above which an FMU refuses to start; projections leave rounding, 1e-15."""
 _EXTRAPOLATED = 1e-3
 """The same where inputs are extrapolated, and jump at the end of a step: an FMU follows in the next one."""
 _STEPS = 100
-"""Steps of a solver, at least: each, and each communication step, may add the tolerance to the account."""
+"""Least number of solver steps: each, and each communication step, may add the tolerance to the account."""
 _EXCHANGE = 30.0
-"""As many steps does an importer's solver take for one: BDF of order 2 instead of a method of order 8."""
+"""Steps that an importer's solver takes for one of ours: BDF of order 2 instead of a method of order 8."""
 _UNCONTROLLED = 0.01
 """Part of the energies that an account may be off by along steps whose size it does not control: symplectic ones, which
 are chosen whatever the tolerance, and those of the stiff solver, which looks at the motion alone."""
 _CHOOSE_STEPS = {"symplectic_steps", "stiff_solver"}
 _ROUNDING = 1e-6
-"""Least part that an account may miss: what sums and long runs round."""
+"""Smallest part that an account may be off by: rounding in sums and long runs."""
 _MOST = 0.5
-"""Largest part, which tolerances of 1e-2 reach."""
+"""Largest part that it may be off by, which tolerances of 1e-2 reach."""
 _ENERGIES = ("kinetic_energy", "potential_energy", "work", "dissipated")
 
 
@@ -129,7 +129,7 @@ def _is_residual(part: SystemComponent, name: str) -> bool:
 
 
 def _account(part: SystemComponent, name: str) -> list[str]:
-    """Names of balance, energies and, where there are impacts, what these have taken; empty if it is no balance."""
+    """Names of balance, energies and, where there are impacts, what these have taken; empty if it is not a balance."""
     prefix, ending, after = name.rpartition("energy_balance")
     names, variables = [f"{prefix}{energy}" for energy in _ENERGIES], part.fmu.variables.entries
     if not ending or after or not all(other in variables for other in names):

@@ -103,11 +103,11 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
             ", unstable where effective masses are large" if two_ways else "",
         )
     for group in cycles:
-        logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
+        logger.info("%s form a cycle: stepped in this order, so what feeds back is one step old", " -> ".join(group))
     for loop in graph.algebraic_loops:
         logger.log(
             logging.WARNING if requested is None else logging.INFO,
-            "algebraic loop, which explicit coupling solves by one sweep a step (unstable where its gain exceeds 1; "
+            "algebraic loop, which explicit coupling solves by one sweep per step (unstable where its gain exceeds 1; "
             "coupling='implicit' solves it): %s",
             loop,
         )
@@ -133,7 +133,7 @@ def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
         apart = [end.part.name for end in (connection.source, connection.target) if end.part.isolated]
         if apart and connection.source.variable.type == "String":
             raise SimulationError(
-                f"{connection} hands on strings, which isolated FMUs cannot: do not isolate {apart[0]}"
+                f"{connection} carries strings, which isolated FMUs cannot exchange: do not isolate {apart[0]}"
             )
     for connection in connections if chosen in ITERATING else ():
         if connection.source.variable.type != "Real":
@@ -224,14 +224,14 @@ def check_steps(
     if adaptive:
         if chosen not in ITERATING and graph.algebraic_loops:
             raise SimulationError(
-                f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep a step "
+                f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep per step "
                 f"however short it is: choose coupling='implicit': {graph.algebraic_loops[0]}"
             )
         for name, part in parts.items():
             needed = ("canGetAndSetFMUstate", part.fmu.can_get_and_set_state), (_VARIABLE_STEP, part.fmu.variable_step)
             for flag in (flag for flag, is_true in needed if not is_true):
                 raise SimulationError(
-                    f"error_tolerance needs steps that are taken back and differ in size, but {name} "
+                    f"error_tolerance needs steps that can be repeated and vary in size, but {name} "
                     f"({part.fmu.path.name}) cannot: its {flag} is false; leave error_tolerance out"
                 )
         return

@@ -113,7 +113,7 @@ class SystemComponent:
         :raises ConnectError: for an unknown name; the message suggests the nearest one.
         """
         if not isinstance(name, str):
-            raise ConnectError(f"{self.name}: ports go by name, {shown(name)} is none")
+            raise ConnectError(f"{self.name}: a port is chosen by its name, not by {shown(name)}")
         port = Port(self, name)
         if port.exists:
             return port
@@ -156,7 +156,7 @@ class SystemComponent:
             if variable.type not in self.transferable_types:
                 words = f"is {variable.type}{' of an isolated FMU' if self.isolated else ''} and cannot be recorded"
                 allowed = ", ".join(sorted(self.transferable_types))
-                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {allowed}")
+                raise SimulationError(f"{self.name}.{name} {words}, only {allowed} can: leave it out")
         return names
 
     def scalar(self, name: str) -> Scalar:
@@ -247,7 +247,7 @@ class Port:
         :raises ConnectError: for a terminal.
         """
         if not self.exists:
-            raise ConnectError(f"{self} is a terminal and no variable: connect its members one by one")
+            raise ConnectError(f"{self} is a terminal, not a variable: connect its members one by one")
         return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
     @property

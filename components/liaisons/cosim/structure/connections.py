@@ -53,8 +53,8 @@ class Connection:
         if not _is_assignable(source.variable, target.variable):
             kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
             raise ConnectError(
-                f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
-                "of integers, the input may have the wider range, or be a real"
+                f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of the same "
+                "type; of integers, the input may have the wider range, or be a real"
             )
         conversion = _unit_conversion(source, target) if conversion is None else conversion
         if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
@@ -129,7 +129,7 @@ def _terminal_connections(
         )
     if not (one.motion and other.motion) and one.kind and other.kind and one.kind != other.kind:
         raise ConnectError(
-            f"{first} ({one.kind}) and {second} ({other.kind}) cannot be connected: their terminals are of other kinds"
+            f"{first} ({one.kind}) and {second} ({other.kind}) cannot be connected: their terminals differ in kind"
         )
     joined = [
         connection

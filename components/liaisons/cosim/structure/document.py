@@ -97,7 +97,7 @@ class SystemDocument:
 
     @property
     def prefixes(self) -> dict[str, str]:
-        """Name of each component -> what its variables have before their names in results, ``"swing."``."""
+        """Name of each component -> prefix of the names of its variables in results, ``"swing."``."""
         first = next(iter(self.parts), None)
         return {name: "" if self.single and name == first else f"{name}." for name in self.parts}
 

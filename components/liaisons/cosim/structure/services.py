@@ -1,4 +1,4 @@
-"""What rooms above do for systems: FMUs of components by their names, archives, one FMU of a whole system."""
+"""Functions of rooms above that systems use: FMUs of components by their names, archives, one FMU of a whole system."""
 
 from __future__ import annotations
 
@@ -54,6 +54,6 @@ def fmu_file(label: str, target: FmuTarget) -> Path:
     """Path of an FMU that is given by its path or, where names are known, by a component.
 
     :param label: of the argument, for messages.
-    :raises SimulationError: for what is no path; of names what :func:`liaisons.library.fmu_file` raises.
+    :raises SimulationError: for what is not a path; of names what :func:`liaisons.library.fmu_file` raises.
     """
     return _registered[0].fmu_file(target) if _registered else as_path(label, target)  # type: ignore[arg-type]

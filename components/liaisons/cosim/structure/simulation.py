@@ -39,9 +39,9 @@ from liaisons.errors import InvalidValueError
 _DEFAULT_TOLERANCE = 1e-8
 """Tolerance of FMUs of liaisons, where neither the user nor a file gives another."""
 _POINTS = 500
-"""Number of steps of a simulation for which nothing gives a step size."""
+"""Number of steps where nothing gives a step size."""
 _ALIKE = 4
-"""Instants closer than this count as one, in units in the last place of the largest time."""
+"""Instants closer than this (in ulps of the largest time) count as one."""
 _INTERFACE = 0.01
 """Interface tolerance, relative to the tolerance of the solvers."""
 _FINEST_INTERFACE = 1e-13
@@ -340,7 +340,7 @@ def _communication_points(
     if not endless or stop is not None:
         return communication_points(start, stop, step, signals=signals)
     if step is None:
-        raise InvalidValueError("give step_size, the distance of the communication points")
+        raise InvalidValueError("give step_size, the distance between communication points")
     check_finite("start_time", start)
     check_positive("step_size", step)
     return EndlessTimes(float(start), float(step))
@@ -380,10 +380,10 @@ def _recorded_variables(
 
 
 def _checked_times(times: ArrayLike) -> list[float]:
-    """Communication points that the user gives [s]; those that differ by rounding are one."""
+    """Communication points that the user gives [s]; those that differ only by rounding count as one."""
     points = float_array("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
-        raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")
+        raise InvalidValueError(f"times of shape {points.shape}: give at least two finite numbers")
     late = np.flatnonzero(np.diff(points) <= 0)
     if late.size:
         later, before = float(points[late[0] + 1]), float(points[late[0]])

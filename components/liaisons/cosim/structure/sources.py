@@ -39,7 +39,7 @@ class Signal:
 
     :param function: returns a number, or value, rate and acceleration.
     :param breaks: instants [s].
-    :raises SimulationError: if the function is not callable, or the breaks are no list of finite numbers.
+    :raises SimulationError: if the function is not callable, or the breaks are not a list of finite numbers.
     """
 
     function: Function
@@ -47,7 +47,7 @@ class Signal:
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise SimulationError(f"Signal: {shown(self.function)} is no function of time")
+            raise SimulationError(f"Signal: {shown(self.function)} is not a function of time")
         object.__setattr__(self, "breaks", tuple(_break_instants("Signal", self.breaks).tolist()))
 
     def __call__(self, t: float) -> float | Sequence[float]:
@@ -154,8 +154,8 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
     """Drives of inputs; a function that returns three numbers drives value, rate and acceleration of a port.
 
     :param functions: by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
-    :raises SimulationError: for an unknown input or one that is driven twice, for what is no function, and for breaks
-        that are no numbers.
+    :raises SimulationError: for an unknown input or one that is driven twice, for anything but a function, and for
+        breaks that are not numbers.
     """
     sources: list[Drive] = []
     for (owner, driven_as), function in functions.items():
@@ -169,7 +169,7 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
         if variable.type not in NUMBERS:
             raise SimulationError(f"inputs: {owner}.{name} is {variable.type}; only numbers can be driven")
         if not callable(function):
-            words = f"{name} = {shown(function)} is no function of time"
+            words = f"{name} = {shown(function)} is not a function of time"
             raise SimulationError(f"inputs: {words}; give a constant as start value")
         triple = part[name].triple()
         whole = triple is not None and evaluate(function, name, start_time).ndim > 0
