@@ -87,11 +87,12 @@ def show(
         of which :meth:`System.flatten` makes one FMU where a port takes forces back.
     :param further: components to be shown beside it, ``show("Pendulum", "DoublePendulum")``; and, last, the path.
     :param path: of the page; default: ``NAME.html`` in the working directory.
-    :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
-        ``keywords`` are further ones, operators among them.  A system has its own.
+    :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own; a
+        system has its own.
     :param controls: parameters, inputs and prescribed coordinates that can be changed; None: all.
     :param plots: at most four signals that are plotted, none by ``[]``; None: angles, with a choice of all.
     :param question: what stands above the picture.
+    :param keywords: further start values, operators among them.
     :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written; for a
@@ -158,7 +159,8 @@ def operator(
     """Operator that moves a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
-    :param start_values: its parameters by name, where they differ from the FMU's; ``keywords`` are further ones.
+    :param start_values: its parameters by name, where they differ from the FMU's.
+    :param keywords: further ones.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: for a name that is given twice.
     """

@@ -28,16 +28,16 @@ from liaisons.language import Variable
 from liaisons.mechanics import Model
 
 INTERVALS = 100
-"""Intervals between rows."""
+"""Number of intervals between rows."""
 
 TOLERANCE = 1e-11
 """Relative tolerance; the absolute one is this much of the nominal size of each state."""
 
 WORK = 250_000
-"""Evaluations of the right-hand side, times states, at which the experiment is given up."""
+"""Number of evaluations of the right-hand side, times states, at which the experiment is given up."""
 
 WIDEST = 16
-"""Numbers of an array up to which it is written."""
+"""Size up to which an array is written."""
 
 _DIGITS = 9
 _BOOKED = ("work", "dissipated")

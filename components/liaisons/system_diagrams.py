@@ -91,7 +91,7 @@ def block_diagram(document: SystemDocument) -> Diagram:
     bottom = max((block.y + block.height for block in blocks.values()), default=_MARGIN) + _SPACE
     arrows = _arrow_svgs(wires, blocks, bottom)
     more = len(parts) - len(drawn)
-    title = _shortened(f"{name}, and {more} FMUs more" if more else name, 60)
+    title = _shortened(f"{name}, and {more} more FMUs" if more else name, 60)
     words = ["numbers: the order in which the FMUs are stepped"] if len(drawn) > 1 else []
     if any(len(group) > 1 for group in groups):
         words.append("those with the same number feed each other")

@@ -23,7 +23,8 @@ data at the end and the Taylor polynomial from the start.
 def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
     """Coefficients of θ^m ... θ^(2m - 1) in the Hermite polynomial; those of lower powers are of the Taylor polynomial.
 
-    :param begin: value and derivatives by time at the start, θ = 0: m numbers, at most 3; ``end`` those at θ = 1.
+    :param begin: value and derivatives by time at the start, θ = 0: m numbers, at most 3.
+    :param end: the same at the end, θ = 1.
     :param size: length of the interval [s].
     """
     count = len(begin)

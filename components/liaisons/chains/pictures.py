@@ -13,7 +13,7 @@ from liaisons.language import Rod, Rope, Shape, Spring, element, shapes_of
 from liaisons.mechanics import Drawing
 
 _MOST_DRAWN_LINKS = 200
-"""Of a longer chain the first ones are drawn."""
+"""Number of links that are drawn; of a longer chain the first ones."""
 
 
 def chain_picture(

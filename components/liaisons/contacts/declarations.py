@@ -84,7 +84,7 @@ class dry_friction(ContactFormula):
     :param sliding: name of the one that the force has while it slides; none: the same.
     :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
     :param size: of an array, as of a unilateral liaison; each element is bounded by that of the arrays that are named.
-        ``last`` likewise.
+    :param last: as of a unilateral liaison.
     """
 
     example = '@dry_friction("m/s", "sliding of the block on the belt", static="grip")'

@@ -16,7 +16,7 @@ from typing import final
 import casadi as ca
 
 DEPENDENT = 1e-10
-"""Part of its square below which what is left of a column says that it depends on others."""
+"""A column of which less than this part of its square is left depends on others."""
 
 
 @final

@@ -37,13 +37,13 @@ from liaisons.mechanics import STABILISATION, Contact, impulsive_operators, mode
 OPEN_MARGIN = 1e-13
 """Part of its scale by which a distance or a rate is beyond 0 when its event indicator crosses 0."""
 FORCE_MARGIN = 1e-12
-"""The same of a force."""
+"""The same for a force."""
 
 SAME = 1e-10
 """Largest contradiction between the accelerations of redundant contacts, relative to their scale."""
 
 MOST_CONTACTS = 64
-"""Most contacts of one model, as in complementarity.h."""
+"""Largest number of contacts of one model, as in complementarity.h."""
 _SAMPLES = 5
 """Number of configurations in which redundant contacts are looked for."""
 
@@ -51,7 +51,7 @@ LEAVING = 1e-3
 """Factor of the rate of a growing gap in its indicator, so that errors right after an impact are not an event."""
 
 MOST_LINKS = 300
-"""Most links of a chain in a model with contacts: its equations have no loops."""
+"""Largest number of links of a chain in a model with contacts: its equations have no loops."""
 
 
 def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:

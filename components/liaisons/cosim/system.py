@@ -445,7 +445,8 @@ def _single_simulation(
 ) -> Simulation:
     """Simulation of one FMU and its operators, with checked settings.
 
-    :param start_values: of the user, and ``keywords`` further ones.
+    :param start_values: of the user.
+    :param keywords: further ones.
     :raises SimulationError: for a bad setting, or a start value of an input that its function of time contradicts.
     """
     path = fmu_file("fmu", fmu)

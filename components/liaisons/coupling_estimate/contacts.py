@@ -255,7 +255,9 @@ def _newton_polynomials(coefficients: Sequence[Floats], nodes: Floats, theta: Fl
 def _restitution_and_speed(gap: float, rates: Floats, change: float, acceleration: float) -> tuple[float, float]:
     """Coefficient of restitution and speed of an impact.
 
-    :param gap: distance before it; ``rates`` before and after; ``change`` of the rate by the acceleration.
+    :param gap: distance before it.
+    :param rates: rates before and after.
+    :param change: change of the rate by the acceleration.
     """
     jump, w = rates[1] - rates[0] - change, math.sqrt(max(rates[0] ** 2 - 2 * acceleration * gap, 0.0))
     if jump <= 0:

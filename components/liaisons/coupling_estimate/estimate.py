@@ -58,7 +58,8 @@ class InputReconstruction:
     """The polynomial that an input follows over a step.
 
     :param name: of the connection.
-    :param column: of the input; ``data`` those of value, first and second derivative, as far as used.
+    :param column: of the input.
+    :param data: columns of value, first and second derivative, as far as used.
     :param order: which derivative of the data the input is.
     :param effects: column of ∂(acceleration)/∂(input), and those of the rate and the value of that acceleration.
     :param answers: columns of the outputs of its FMU, where there are no effects.

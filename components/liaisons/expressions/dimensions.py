@@ -20,7 +20,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.operations import NAMES, interpret
 
 _READABLE = 90
-"""Characters of a term in a message."""
+"""Largest number of characters of a term in a message."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -257,7 +257,8 @@ def _model_structure_groups(
     :param titles: names of the elements of each group.
     :param attribute: holds the reference of an unknown.
     :param references: of the numbers of each variable.
-    :param running: what all groups but the third may depend on; ``starting``: what the third may depend on.
+    :param running: what all groups but the third may depend on.
+    :param starting: what the third may depend on.
     """
     outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
     rates = [state.derivative for state in model.states]

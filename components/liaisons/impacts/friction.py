@@ -21,7 +21,7 @@ from liaisons.errors import RefusedError
 from liaisons.impacts.impulses import ImpulsivePort
 
 _AT_REST = 1e-12
-"""Velocity of what slides that is rounding, relative to the largest one."""
+"""Sliding velocity that is rounding, relative to the largest one."""
 _CHANGES = 4.0 ** np.arange(-5, 7)
 """Changes of an input that are tried, relative to the input."""
 _HALVINGS = 50
@@ -128,7 +128,8 @@ class _Friction:
 def _find_zero(sign: Callable[[float], float], at_0: float, size: float) -> float | None:
     """A zero of a function that only rises or falls, with values -1, 0 and 1; None if none is found.
 
-    :param at_0: its value at 0; ``size`` of its argument.
+    :param at_0: its value at 0.
+    :param size: of its argument.
     """
     for change in (side * size * factor for factor in _CHANGES for side in (1, -1)):
         low, high, found = 0.0, change, sign(change)
@@ -146,7 +147,9 @@ class _Piece(NamedTuple):
     """A combination of modes of an FMU, in which what it returns is a linear function of its inputs.
 
     :param modes: direction of each of its dry frictions, 0 where it sticks.
-    :param inputs: some with which it has these modes; ``results`` with them; ``slopes``: their derivatives.
+    :param inputs: some with which it has these modes.
+    :param results: what it returns with them.
+    :param slopes: derivatives of the results.
     """
 
     modes: tuple[float, ...]
@@ -342,7 +345,9 @@ class Frictions:
         Each FMU chooses by the accelerations and loads of one way to slide, and others react to what it chooses.  Once
         all stick that can, all agree on these, and they stay so unless a force is too large; then fewer are tried.
 
-        :param before: values of the bus before an instant; ``after`` behind it; ``size`` of a step [s].
+        :param before: values of the bus before an instant.
+        :param after: values behind it.
+        :param size: of a step [s].
         :param crossings: the first goes back, and crosses that instant after some actions; the second goes on as far
             again; both return the values behind.
         :returns: the values behind it.

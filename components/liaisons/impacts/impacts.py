@@ -34,7 +34,7 @@ _LEAST_DIFFERENCE = 1e-7
 _AGREEING = 1e-14
 """Difference of both sides of an interface, relative to jumps, up to which they agree."""
 _ROUNDING = 8 * np.finfo(float).eps
-"""The same, relative to the sums of which both sides are."""
+"""The same, relative to the sums on both sides."""
 _MOST_ROUNDING = 1e3
 """Factor by which the difference may be larger if further iterations leave it as it is."""
 _LEAST_IMPULSE = 1e-8
@@ -170,7 +170,9 @@ class Impacts:
     def has_impact(self, before: Floats, after: Floats, size: float) -> bool:
         """Whether there was an impact in a step, beyond rounding.
 
-        :param before: values of the bus at its start; ``after`` at its end; ``size`` of the step [s].
+        :param before: values of the bus at its start.
+        :param after: values at its end.
+        :param size: of the step [s].
         """
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
         least = _LEAST_IMPULSE * (np.abs(sums) + size * forces)
@@ -216,7 +218,7 @@ class Impacts:
         """Solve the impacts at the present state, one after the other: all rates and momenta jump.
 
         :raises RefusedError: if Newton's method does not converge, if they have no end or gain energy, or if they act
-            on what hands no impulses on.
+            on what passes on no impulses.
         """
         for node in self._nodes:
             node.begin()
@@ -233,11 +235,11 @@ class Impacts:
         raise RefusedError(f"{self._title}: {words}")
 
     def _check_impact(self, time: float, z: Floats, loss: float, rounding: float) -> None:
-        """Refuse an impact that acts on what hands no impulses on, or that gains energy by more than rounding [J]."""
+        """Refuse an impact that acts on what passes on no impulses, or that gains energy by more than rounding [J]."""
         jumps, impulses = np.split(z, 2)
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
         if ends:
-            why = f"acts through {ends[0]} too, which hands no impulses on: make one FMU of the system by flatten()"
+            why = f"acts through {ends[0]} too, which passes on no impulses: make one FMU of the system by flatten()"
         elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)) - rounding:
             why = "would gain energy by Newton's restitution and friction (Kane): take less of either"
         else:

@@ -14,11 +14,11 @@ from liaisons.impacts.impacts import Impacts
 from liaisons.impacts.impulses import ImpulsivePort
 
 _LEAST_IMPACT_DISTANCE = 1e-9
-"""Time from an impact to a communication point below which they are one, relative to a step."""
+"""Time from an impact to a communication point below which they count as one, relative to a step."""
 _LEAST_EXTRAPOLATED_STEP = 1e-4
 """Size of a step in which inputs are extrapolated, as differences are rounding, relative to one between points."""
 _MOST_IMPACTS = 1000
-"""Most impacts of several FMUs in a communication step."""
+"""Largest number of impacts of several FMUs in a communication step."""
 
 
 @final

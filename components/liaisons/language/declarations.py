@@ -106,8 +106,10 @@ class Symbol(Declaration[ca.SX]):
     """A declaration that stands for one scalar symbol with a start value and a domain; abstract.
 
     :param start: default value.
-    :param above: excluded lower bound; ``minimum`` is the included one.
-    :param below: excluded upper bound; ``maximum`` is the included one.
+    :param above: excluded lower bound.
+    :param minimum: included lower bound.
+    :param below: excluded upper bound.
+    :param maximum: included upper bound.
     :param symbol: letter in the FMU's documentation, ``"κ"`` or ``"m_1"``; by default that of the name.
     :raises ComponentError: for contradictory bounds, or a value that is not a number.
     """
@@ -248,7 +250,8 @@ class Gravity(Parameter):
 class Friction(Parameter):
     """Friction coefficient η [1/s] of K eq. 64, tunable, for all velocities of the component.
 
-    :param description: in a few words; ``symbol`` is its letter.
+    :param description: in a few words.
+    :param symbol: its letter.
     """
 
     example = 'Friction("of the air")'
@@ -260,9 +263,11 @@ class Friction(Parameter):
 class Coordinate(Symbol):
     """A free coordinate q, which follows the equations of motion (x^i, i <= p, of M 3.5).
 
-    :param start: initial value; ``start_rate`` the initial rate.  In a chain also a tuple: values of the first links;
-        those of the others are 0.  Likewise in an array, which has a ``size``, as parameters have.
-    :param above: excluded lower bound of the motion, ``below`` the upper one (a singularity lies there).
+    :param start: initial value.  In a chain also a tuple: values of the first links; those of the others are 0.
+        Likewise in an array, which has a ``size``, as parameters have.
+    :param start_rate: initial rate, likewise.
+    :param above: excluded lower bound of the motion.
+    :param below: excluded upper bound; a singularity lies at both.
     :param nominal: nominal value, which scales the absolute tolerance.
     """
 
@@ -510,7 +515,8 @@ class ContactFormula(DeclaredFormula[ca.SX]):
     def variables(self, readable: Callable[..., Variable], at_events: Callable[..., Variable]) -> Iterator[Variable]:
         """Output variables of the contact.
 
-        :param readable: makes one of name, unit and description, ``at_events`` one that changes at events alone.
+        :param readable: makes one of name, unit and description.
+        :param at_events: makes one that changes at events alone.
         """
 
     @abstractmethod
@@ -524,8 +530,10 @@ class ContactFormula(DeclaredFormula[ca.SX]):
     ) -> None:
         """Raise a ComponentError if the contact is declared wrongly.
 
-        :param m: the mechanism or chain, ``formulas`` its checked ones.
-        :param configuration: symbols that a gap may depend on, by name, ``motion`` those of a slip.
+        :param m: the mechanism or chain.
+        :param formulas: its checked formulas.
+        :param configuration: symbols that a gap may depend on, by name.
+        :param motion: symbols that a slip may depend on.
         :param free: coordinates and their rates.
         """
 
@@ -553,7 +561,8 @@ class rheonomic_constraint(DeclaredFormula[ca.SX]):
     """An active constraint π(x) = σ(t), a submersion on coordinates not adapted to it (M eq. 20); σ is an FMU input.
 
     :param start: default value of σ, consistent with the start of the motion.
-    :param above: excluded lower bound of σ, ``below`` the upper one.
+    :param above: excluded lower bound of σ.
+    :param below: excluded upper bound.
     """
 
     example = '@rheonomic_constraint("m", "length of the rope", start=1.0)'

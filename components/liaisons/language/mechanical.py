@@ -339,7 +339,8 @@ class MechanicalComponent(Component, abstract=True):
     ) -> None:
         """Raise a ComponentError for a unilateral liaison or dry friction that is declared wrongly.
 
-        :param configuration: symbols that a gap may depend on, by name, ``motion`` those of a slip.
+        :param configuration: symbols that a gap may depend on, by name.
+        :param motion: symbols that a slip may depend on.
         :param free: coordinates and their rates.
         """
         for item in self.contact_formulas:

@@ -135,7 +135,7 @@ class Operator(SignalComponent, abstract=True):
         if call(self, "next_event_time") is None and not is_smooth(ca.SX(self.signal(self.clock)), self.clock):
             _log.warning(
                 "%s: the signal has kinks or jumps (abs, sign, fmin, fmax, floor, if_else, ...); return their instants "
-                "in events(), or who follows it may step over them",
+                "in events(), or whoever follows it may step over them",
                 type(self).__name__,
             )
         formulas.check_internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)

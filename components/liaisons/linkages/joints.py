@@ -132,10 +132,14 @@ class BodyJoint(Declaration[ca.SX]):
     :param rotation: roll, pitch and yaw [rad]: about x, then the fixed y, then the fixed z.
     :param axis: of the joint, in its frame: ``"x"``, ``"y"``, ``"z"``, ``"-x"``, ..., or a vector.
     :param prescribed: whether an operator prescribes the coordinates; or which, by their endings, ``("angle",)``.
-    :param start: start value; of several coordinates a tuple.  ``start_rate`` likewise.
+    :param start: start value; of several coordinates a tuple.
+    :param start_rate: likewise.
     :param limits: lowest and highest value: unilateral liaisons, or the domain of a prescribed coordinate.
     :param restitution: of the impacts at the limits.
-    :param stiffness: towards ``unstressed`` [N/m, N.m/rad]; ``damping`` [N.s/m, N.m.s/rad]; ``friction``, dry [N, N.m].
+    :param stiffness: [N/m, N.m/rad].
+    :param unstressed: value of the coordinate at which the spring has no force [m, rad].
+    :param damping: [N.s/m, N.m.s/rad].
+    :param friction: of dry friction [N, N.m].
     :param armature: inertia of what turns or shifts with the coordinate alone, as a rotor does [kg, kg.m2].
     :param reference: value of the coordinate at which both frames coincide, instead of 0.
     """
@@ -199,7 +203,7 @@ class BodyJoint(Declaration[ca.SX]):
             *position_parameters(self, "at_child", self.at_child, f"{self.name}_at_child", text + self.child.name)
         ]
         if not closes and (in_child or any(self.rotation_child)):
-            self.refuse(f"at_child is of a joint that closes a loop; this one lies at the origin of {self.child.name}")
+            self.refuse(f"at_child is for a joint that closes a loop; this one lies at the origin of {self.child.name}")
         yield from in_child if closes else self._motion_declarations()
 
     def _motion_declarations(self) -> NamedDeclarations:
@@ -208,7 +212,7 @@ class BodyJoint(Declaration[ca.SX]):
         if self.prescribed and len(endings) < len(self.motions):
             self.refuse("an orientation cannot be prescribed: three Revolute joints with massless bodies between can")
         for ending in set(self.prescribed).difference(endings):
-            self.refuse(f"prescribed = {self.prescribed}: {ending!r} is none of its coordinates {endings}")
+            self.refuse(f"prescribed = {self.prescribed}: {ending!r} is not one of its coordinates {endings}")
         if self.friction and all(map(self.is_prescribed, endings)):
             self.refuse("friction is against a free coordinate, and all of this joint are prescribed")
         starts, rates = (
@@ -236,7 +240,7 @@ class BodyJoint(Declaration[ca.SX]):
         """Lowest and highest value of the one coordinate."""
         limits = finite_numbers(self, "limits", self.limits, 2)
         if len(self.motions) != 1 or self.motions[0][1] == "ball":
-            self.refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
+            self.refuse(f"limits = {self.limits}: only for one coordinate; use a joint for each")
         if limits[0] >= limits[1]:
             self.refuse(f"limits = {self.limits}: the lower one comes first")
         return limits
@@ -247,7 +251,7 @@ class BodyJoint(Declaration[ca.SX]):
         for name in ("reference", "unstressed"):
             (number,) = finite_numbers(self, name, [getattr(self, name)], 1)
             if number and (len(self.motions) != 1 or "ball" in kinds):
-                self.refuse(f"{name} = {number:g}: of one coordinate alone; use a joint for each")
+                self.refuse(f"{name} = {number:g}: only for one coordinate; use a joint for each")
             unit = "m" if kinds == {"shift"} else "rad"
             yield from nonzero_parameters(f"{self.name}_{name}", [""], [number], unit, f"{name} value of {self.name}")
         for name, unit in (_UNITS if kinds == {"shift"} else _TURNING).items():
@@ -265,7 +269,8 @@ class BodyJoint(Declaration[ca.SX]):
     def frames(self, m: Any, parent: int, count: int, rows: Mapping[str, list[int]]) -> Iterator[Frame]:
         """Frames that the motions move, one each, from the first body to the second; that of a weld is fixed.
 
-        :param parent: number of the first body's frame; ``count`` that of the first new one.
+        :param parent: number of the first body's frame.
+        :param count: that of the first new one.
         :param rows: by coordinate or orientation.
         """
         rotation, position = roll_pitch_yaw_rotation(self.rotation), m.parameter_vector(f"{self.name}_at")
@@ -386,7 +391,9 @@ class BodyPoint(point):
 class SpringDamper(Declaration[ca.SX]):
     """Spring and damper along the line between two points; ``self.spring`` is their distance.
 
-    :param stiffness: [N/m]; ``damping`` [N.s/m]; ``length``, unstressed [m]; parameters ``S_stiffness``, ...
+    :param stiffness: [N/m].
+    :param damping: [N.s/m].
+    :param length: unstressed length [m].  All are parameters, ``S_stiffness``, ...
     """
 
     example = "SpringDamper((ground, (0, 0, 1)), (bar, (1, 0, 0)), stiffness=100.0, length=0.5)"

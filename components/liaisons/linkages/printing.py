@@ -15,7 +15,7 @@ _SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "w": ("", "g"), "W": ("M", "G"
 """Angular and linear parts of spatial vectors."""
 
 _PRINTED = 200
-"""Operations of the Lagrangian of a linkage from which on its equations are written frame by frame."""
+"""Number of operations of its Lagrangian above which the equations of a linkage are written frame by frame."""
 
 
 def of_large_linkage(equations: Equations) -> tuple[Equation, ...] | None:

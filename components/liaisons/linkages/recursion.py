@@ -79,7 +79,8 @@ class Recursion:
     ) -> tuple[ca.SX, ca.SX]:
         """Solve Sᵀ h = load for the rates: h = I a + bias + Σ_children Xᵀ h, a = X a_parent + turning + S rate.
 
-        :param prescribed: rates of the active coordinates; ``base`` is a of the ground.
+        :param prescribed: rates of the active coordinates.
+        :param base: a of the ground.
         :returns: rates of the free coordinates (f,), and Sᵀ h of the active ones (a,).
         """
         articulated, biases = [*self.inertias, ca.SX(6, 6)], [*biases, ca.SX(6, 1)]

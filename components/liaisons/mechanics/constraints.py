@@ -30,7 +30,7 @@ ROUNDS = 3
 KEPT = 1e-9
 """Residual, relative to what coordinates of nominal size make of it, up to which a constraint is kept."""
 KEPT_RATE = 1e-7
-"""The same of its rate, which momenta give only as exactly as the mass matrix is conditioned."""
+"""The same for its rate, which momenta give only as exactly as the mass matrix is conditioned."""
 
 ROUNDING = 1e-13
 """Residual, in its own unit, that is rounding where its gradient vanishes."""

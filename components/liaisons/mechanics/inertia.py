@@ -19,7 +19,7 @@ from liaisons.algebra import Factors, hessian, stack
 from liaisons.language import Mechanism
 
 MANY = 8
-"""Degrees of freedom from which on a sparse system is tried."""
+"""Number of degrees of freedom from which a sparse system is tried."""
 
 
 _System = tuple[ca.SX, dict[int, set[int]]]

@@ -13,9 +13,9 @@ CHOSEN = 8
 
 With these numbers a point mass in special relativity converges for Lorentz factors up to 100."""
 FULL = 4
-"""Full steps that follow, each of which doubles the digits."""
+"""Number of full steps that follow, each of which doubles the digits."""
 HALVINGS = 8
-"""How often the length of a step is halved at most."""
+"""How often the length of a step is halved, at most."""
 
 CONVERGED = 1e-10
 """Part of the terms of a momentum that may be missing after the last step: rounding, by the square of such a factor."""

@@ -23,7 +23,7 @@ from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import mechanism_equations
 
 CONSISTENT = 1e-6
-"""Residual of a constraint, in its own unit, from which on a start is refused."""
+"""Residual of a constraint, in its own unit, above which a start is refused."""
 
 _STATES = 3
 """Number of states at which redundant constraints are looked for."""

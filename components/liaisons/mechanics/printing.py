@@ -19,7 +19,7 @@ from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Equation
 
 _TOGETHER = 3
-"""Constraints whose multipliers are solved for in symbols."""
+"""Largest number of constraints whose multipliers are solved for in symbols."""
 
 
 def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:

@@ -272,7 +272,7 @@ class ModelExchange(Loaded, ABC):
             begin, steps = self._clock.value, steps + 1
             if steps > _MOST_STEPS:
                 words = f"more than {_MOST_STEPS} steps and events from t = {end - size:.10g} s{self._time_text(' to')}"
-                raise RefusedError(f"{self.name}: {words}; choose a smaller step_size, or look what is not smooth")
+                raise RefusedError(f"{self.name}: {words}; choose a smaller step_size, or look for what is not smooth")
             soon = self._next_event <= end + _ROUNDING * size
             happened = self._integrate(self._next_event if soon else end)
             if happened or self._clock.value >= self._next_event:
@@ -452,7 +452,7 @@ class ModelExchange(Loaded, ABC):
             if not again:
                 break
         else:
-            raise RefusedError(f"{self.name}: its event iteration{self._time_text()} has no end")
+            raise RefusedError(f"{self.name}: its event iteration{self._time_text()} does not end")
         now = self._clock.value  # time does not go back: a next event that is earlier by rounding only is now
         if not self._next_event >= now - _ROUNDING * max(self._size, abs(now)):
             raise SimulationError(

@@ -19,9 +19,9 @@ from liaisons.base.arguments import shown
 from liaisons.errors import FormulaError, LiaisonsError, suggestion
 
 _LONGEST = 1000
-"""Most characters of a formula."""
+"""Largest number of characters of a formula."""
 _DEEPEST = 200
-"""Most levels of brackets and signs."""
+"""Deepest nesting of brackets and signs."""
 
 FUNCTIONS: Mapping[str, Callable[..., ca.SX]] = {
     **{name: getattr(ca, name) for name in ("sin", "cos", "tan", "atan2", "exp", "log", "sqrt", "tanh")},

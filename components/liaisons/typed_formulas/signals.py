@@ -12,8 +12,9 @@ def formula_signal(text: str, /, start_time: float = 0.0, stop_time: float = 0.0
     ``simulate("Pendulum", inputs={"length": formula_signal("1 + 0.1*sin(5*t)")})``
 
     :param text: a formula of the time ``t`` [s].
-    :param start_time: this and ``stop_time``: between which [s] short pulses, ``exp(-(t - 1)**2/0.001)``, are looked
-        for, so that a run has communication points in them.
-    :raises FormulaError: if it is none; names the place, and the nearest name.
+    :param start_time: start of the time in which short pulses, ``exp(-(t - 1)**2/0.001)``, are looked for [s]: a run
+        has communication points in them.
+    :param stop_time: its end [s].
+    :raises FormulaError: if it is not a formula; names the place, and the nearest name.
     """
     return Signal(time_function(text), pulse_instants(text, start_time, stop_time))

@@ -14,9 +14,9 @@ from liaisons.errors import FormulaError
 from liaisons.typed_formulas.formulas import FUNCTIONS, formula
 
 _POINTS = 501
-"""Points between which maxima are searched for."""
+"""Number of points between which maxima are searched for."""
 _MOST = 20
-"""Most maxima that are looked at."""
+"""Largest number of maxima that are examined."""
 TimeFunction = Callable[[float], tuple[float, float, float]]
 """A function of time [s]: value, rate, acceleration."""
 

@@ -28,7 +28,7 @@ from liaisons_motion.planning.invariants import refuse_invariants
 from liaisons_motion.planning.phases import optimal_control_problem
 from liaisons_motion.planning.plans import Plan
 from liaisons_motion.planning.problems import Problem
-from liaisons_motion.planning.searching import COARSE_INTERVALS, SearchSettings, refuse_singularity, search
+from liaisons_motion.planning.searching import SEARCH, SearchSettings, refuse_singularity, search
 from liaisons_motion.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_relative_units, in_si
 
 _VANISHING = 1e-5
@@ -127,7 +127,7 @@ def plan(
         if loops > 1:
             goal = _goal_of_one_loop(goal, problem, loops)
             problem = optimal_control_problem(goal)
-        coarse, further = intervals if phases else min(COARSE_INTERVALS, intervals), ()
+        coarse, further = intervals if phases else min(SEARCH.coarse_intervals, intervals), ()
         if not phases:
             refuse_invariants(problem.relative_problem)
             further = far_guesses(problem.relative_problem, coarse)

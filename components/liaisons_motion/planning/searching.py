@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, groupby, islice, pairwise
+from typing import final
 
 import casadi as ca
 import numpy as np
@@ -39,47 +40,58 @@ from liaisons_motion.planning.verifying import (
     largest_hamiltonian_range,
 )
 
-# Numbers of the search; costs and deviations are relative to their sizes.  With them every plan of
-# ``benchmarks/plans.py`` has the least cost of its closed form to 1e-9, in 4 s at most.
-COARSE_INTERVALS = 10
-"""Intervals of the mesh on which starts are tried: of order 10 it resolves smooth motions, and blurs switches."""
-_MOST_STARTS = 8
-"""Most starts, unless ``tries`` is given."""
-_AGREEING_STARTS = 2
-"""Number of starts with one optimum that end the search; one more if the duration is free, two if σ is closed, for
-there optima compete."""
-_SIMILAR_COST = 1e-3
-"""Costs on coarse meshes that differ by less may belong to one optimum: blurred switches change them."""
-_HIGHER_COST = 5e-2
-"""Solutions whose cost is higher by more on a coarse mesh are not refined: fifty times what blurs can change."""
-_SAME_COST = 1e-6
-"""Costs on one mesh that differ by less belong to one optimum: IPOPT ends at 1e-10."""
-_REFINEMENT_CHANGE = 4.0
-"""Refinement of a solution changes its cost by at most this many times as much as that of the best one,"""
-_LEAST_REFINEMENT_CHANGE = 1e-4
-"""and by at most this part of the cost, if that is more."""
-_AT_BOUND = 1e-4
-"""Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
-_MOST_INTERVALS = 100
-"""Most intervals of a refined mesh, ten times the coarse one: of order 10 its error is 1e-10 of that."""
-_EXTREMAL_VARIATION = 1e-3
-"""Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
-_SINGULAR_MASS = 1e-3
-"""An effective mass below this part of the greatest vanishes at a point nearby, which no mesh resolves."""
-_FEASIBLE_RESIDUAL = 1e-6
-"""Residual of the equations, and miss of the end, below which an unfinished iterate is a motion."""
-_REACHED_MISS = 1e-6
-"""Miss of the end, in units of sizes, below which IPOPT can reach it from the nearest end."""
-_BLURRED_MISS = 3e-2
-"""Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
-_INTEGRATION_DIFFERENCE = 1e-5
-"""Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
-_KINK_INTEGRATION_DIFFERENCE = 1e-4
-"""The same where rates have kinks: in the interval of a kink mesh and integration both are of low order."""
-_ROUGH_INTEGRATION_DIFFERENCE = 0.1
-"""The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
-_CORRECTIONS = 6
-"""Most insertions and removals of arcs: each takes as long as a start."""
+
+@final
+@dataclass(frozen=True)
+class SearchConstants:
+    """Constants of the search; costs and deviations are relative to their sizes.
+
+    With them every plan of ``benchmarks/plans.py`` has the least cost of its closed form to 1e-9, in 4 s at most.
+    """
+
+    coarse_intervals: int = 10
+    """Intervals of the mesh on which starts are tried: of order 10 it resolves smooth motions, and blurs switches."""
+    most_starts: int = 8
+    """Largest number of starts, unless ``tries`` is given."""
+    agreeing_starts: int = 2
+    """Number of starts with one optimum that end the search; one more if the duration is free, two if σ is closed, for
+    there optima compete."""
+    similar_cost: float = 1e-3
+    """Costs on coarse meshes that differ by less may belong to one optimum: blurred switches change them."""
+    higher_cost: float = 5e-2
+    """Solutions whose cost on a coarse mesh is higher by more are not refined: fifty times what blurs can change."""
+    same_cost: float = 1e-6
+    """Costs on one mesh that differ by less belong to one optimum: IPOPT ends at 1e-10."""
+    refinement_change: float = 4.0
+    """Largest change of a cost by refinement, in units of the change of the best one's cost."""
+    least_refinement_change: float = 1e-4
+    """The same in units of the cost, if that is more."""
+    at_bound: float = 1e-4
+    """Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
+    most_intervals: int = 100
+    """Largest number of intervals of a refined mesh, ten times the coarse one: at order 10 1e-10 of its error."""
+    extremal_variation: float = 1e-3
+    """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
+    singular_mass: float = 1e-3
+    """An effective mass below this part of the greatest vanishes at a point nearby, which no mesh resolves."""
+    feasible_residual: float = 1e-6
+    """Residual of the equations, and miss of the end, below which an unfinished iterate is a motion."""
+    reached_miss: float = 1e-6
+    """Miss of the end, in units of sizes, below which IPOPT can reach it from the nearest end."""
+    blurred_miss: float = 3e-2
+    """Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
+    integration_difference: float = 1e-5
+    """Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
+    kink_integration_difference: float = 1e-4
+    """The same where rates have kinks: in the interval of a kink mesh and integration both are of low order."""
+    rough_integration_difference: float = 0.1
+    """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
+    corrections: int = 6
+    """Largest number of insertions and removals of arcs: each takes as long as a start."""
+
+
+SEARCH = SearchConstants()
+"""Constants of every search."""
 
 
 @dataclass(frozen=True)
@@ -118,17 +130,17 @@ def search(
     best: Solution | None = None
     count, stopped = 0, False
     low, high = problem.duration
-    enough = _AGREEING_STARTS + (2 if problem.is_loop else int(low < high))
+    enough = SEARCH.agreeing_starts + (2 if problem.is_loop else int(low < high))
     left = (start for start in further if settings.tries is None and not rough and best is None)
-    for trajectory in chain(islice(starts, settings.tries or _MOST_STARTS), left):
+    for trajectory in chain(islice(starts, settings.tries or SEARCH.most_starts), left):
         candidate = _solve_start(problem, trajectory, settings.intervals, clock)
         if candidate.succeeded:
             rough += [] if any(_is_same_optimum(candidate, one) for one in rough) else [candidate]
-            if all(_difference(candidate.cost, cost) > _SIMILAR_COST for cost in optima):
+            if all(_difference(candidate.cost, cost) > SEARCH.similar_cost for cost in optima):
                 optima.append(candidate.cost)
         elif candidate.finished:
             failures.append(candidate)
-        elif not rough and max(candidate.residual, end_miss(candidate)) < _FEASIBLE_RESIDUAL:
+        elif not rough and max(candidate.residual, end_miss(candidate)) < SEARCH.feasible_residual:
             best = candidate if _is_accepted(candidate, settings) else best
         count += candidate.finished
         agreed, stopped = len(optima) == 1 and not failures, not candidate.finished
@@ -162,7 +174,7 @@ def _refine_all(
             rest = [*([best] if best else []), *(replace(other, finished=False) for other in rough[k:])]
             accepted = (other for other in rest if _is_accepted(other, settings))
             return min(accepted, key=_sort_key, default=None), rejected
-        if best is not None and one.cost > best.cost + _HIGHER_COST * abs(best.cost):
+        if best is not None and one.cost > best.cost + SEARCH.higher_cost * abs(best.cost):
             continue
         first = _on_first_mesh(one, settings, clock)
         if any(_is_same_optimum(first, other) for other in on_first_meshes) or (
@@ -175,7 +187,9 @@ def _refine_all(
             rejected.append(candidate)
         elif best is None or _sort_key(candidate) < _sort_key(best):
             best = candidate
-            margin = max(_REFINEMENT_CHANGE * abs(best.cost - first.cost), _LEAST_REFINEMENT_CHANGE * abs(best.cost))
+            margin = max(
+                SEARCH.refinement_change * abs(best.cost - first.cost), SEARCH.least_refinement_change * abs(best.cost)
+            )
     return best, rejected
 
 
@@ -186,7 +200,9 @@ def _difference(cost: float, other: float) -> float:
 
 def _is_same_optimum(one: Solution, other: Solution) -> bool:
     """Whether two solutions, on meshes of the same size, belong to one optimum: arcs and costs agree."""
-    return len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= _SAME_COST
+    return (
+        len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= SEARCH.same_cost
+    )
 
 
 def _sort_key(solution: Solution) -> tuple[bool, float]:
@@ -195,12 +211,12 @@ def _sort_key(solution: Solution) -> tuple[bool, float]:
     Coarse meshes undercut what is possible.
     """
     variation = largest_hamiltonian_range(solution)
-    return bool(variation > _EXTREMAL_VARIATION * hamiltonian_scale(solution)), solution.cost
+    return bool(variation > SEARCH.extremal_variation * hamiltonian_scale(solution)), solution.cost
 
 
 def _is_accepted(solution: Solution, settings: SearchSettings) -> bool:
     """Whether integration of the equations confirms a solution; true for searches without refinement."""
-    tolerance = _INTEGRATION_DIFFERENCE if solution.finished else _ROUGH_INTEGRATION_DIFFERENCE
+    tolerance = SEARCH.integration_difference if solution.finished else SEARCH.rough_integration_difference
     return settings.accuracy is None or _satisfies_equations(solution, tolerance)
 
 
@@ -208,7 +224,7 @@ def _solve_start(problem: Problem, trajectory: CollocatedTrajectory, intervals: 
     """The solution from a start, if need be on a finer mesh; without one, the iterate nearest to the end."""
     candidate = _solve_directly_or_by_nearest_end(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
-    if candidate.ends_search or coarse >= intervals or end_miss(candidate) > _BLURRED_MISS:
+    if candidate.ends_search or coarse >= intervals or end_miss(candidate) > SEARCH.blurred_miss:
         return candidate
     return _solve_directly_or_by_nearest_end(
         problem, trajectory.interpolated((Arc(intervals),), trajectory.durations), clock
@@ -229,14 +245,14 @@ def _solve_directly_or_by_nearest_end(problem: Problem, trajectory: CollocatedTr
         trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
-    if end_miss(nearest) < _REACHED_MISS:
+    if end_miss(nearest) < SEARCH.reached_miss:
         candidate = solve(problem, trajectory, clock)
         if candidate.ends_search:
             return candidate
     if problem.phases:
         return replace(nearest, status=candidate.status)
     arcs, durations = _arcs(_active_bounds(nearest), nearest.trajectory)
-    if low < high and len(arcs) > 1 and end_miss(nearest) < _BLURRED_MISS:
+    if low < high and len(arcs) > 1 and end_miss(nearest) < SEARCH.blurred_miss:
         candidate = solve(problem, trajectory.interpolated(arcs, durations), clock)
         if candidate.ends_search:
             return candidate
@@ -276,7 +292,7 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
         is_extremal = largest_hamiltonian_range(solution) <= tolerance
-        if interval_count(arcs) > _MOST_INTERVALS or (is_extremal and _satisfies_equations(solution)):
+        if interval_count(arcs) > SEARCH.most_intervals or (is_extremal and _satisfies_equations(solution)):
             break
         finer = solve(problem, trajectory.interpolated(arcs, trajectory.durations), clock, is_near=True)
         if not finer.succeeded:
@@ -298,7 +314,7 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
-    for _ in range(_CORRECTIONS):
+    for _ in range(SEARCH.corrections):
         if _has_no_choice(problem, arcs) or not _has_continuous_bounds(problem, arcs):
             break
         candidate = solve(problem, trajectory.interpolated(arcs, durations), clock, is_near=True)
@@ -315,7 +331,7 @@ def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
             break
         undercut = 0.0
         if len(best.trajectory.arcs) == 1:
-            undercut = _HIGHER_COST if _sort_key(candidate) < _sort_key(best) else _SIMILAR_COST
+            undercut = SEARCH.higher_cost if _sort_key(candidate) < _sort_key(best) else SEARCH.similar_cost
         if candidate.cost <= best.cost + undercut * max(abs(best.cost), MULTIPLIER_ERROR):
             best = candidate
         patterns = _optimal_bounds(candidate)
@@ -390,7 +406,7 @@ def _active_bounds(solution: Solution) -> list[_ActiveBounds]:
     def bounds_at_point(column: Floats) -> _ActiveBounds:
         """Active bounds at a point with these values of the rows."""
         ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
-        rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _AT_BOUND * span[i]]
+        rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= SEARCH.at_bound * span[i]]
         return tuple(rows[: len(problem.controls)])
 
     patterns = [bounds_at_point(column) for column in solution.trajectory.evaluate(path.function).T]
@@ -431,7 +447,7 @@ def refuse_singularity(solution: Solution) -> None:
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
     worst = int(np.argmin(sizes[:, 0]))
-    if sizes[worst, 0] > _SINGULAR_MASS * sizes.max() or sizes.max() <= 0:  # massless, in every shape
+    if sizes[worst, 0] > SEARCH.singular_mass * sizes.max() or sizes.max() <= 0:  # massless, in every shape
         return
     name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
     raise PlanError(
@@ -454,7 +470,7 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     nearest = min(failures, key=end_miss)
     reached = problem.end_values(nearest.trajectory.knots[:, -1])
     required = np.clip(reached, end.low, end.high) * X
-    missed_rows = np.flatnonzero(end.violation(reached) > _REACHED_MISS)
+    missed_rows = np.flatnonzero(end.violation(reached) > SEARCH.reached_miss)
     wrong = [f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {required[i]:.6g}" for i in missed_rows]
     if not wrong:
         return (
@@ -475,7 +491,7 @@ def _active_texts(solution: Solution) -> Iterator[str]:
         values = solution.trajectory.evaluate(path.function, inside)
         ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
         for i, name, bound in ends:
-            is_active = np.abs(values[i] - bound) <= _AT_BOUND * max(1.0, abs(bound))
+            is_active = np.abs(values[i] - bound) <= SEARCH.at_bound * max(1.0, abs(bound))
             if np.isfinite(bound) and np.any(is_active):
                 yield f"{name} = {bound * path.sizes[i]:g}"
 
@@ -483,7 +499,7 @@ def _active_texts(solution: Solution) -> Iterator[str]:
 # ---- integration of the equations ----------------------------------------------------------------------------------
 
 
-def _satisfies_equations(solution: Solution, tolerance: float = _INTEGRATION_DIFFERENCE) -> bool:
+def _satisfies_equations(solution: Solution, tolerance: float = SEARCH.integration_difference) -> bool:
     """Whether integration from knot to knot agrees with the knots of a solution; true with phases.
 
     These are left to the replay.
@@ -495,7 +511,7 @@ def _satisfies_equations(solution: Solution, tolerance: float = _INTEGRATION_DIF
     integrate = _interval_integrator(solution.problem).map(before.shape[1])
     integrated = np.array(integrate(before, trajectory.controls, np.diff(trajectory.breaks)[None]))
     if not is_smooth_function(solution.problem.rates):
-        tolerance = max(tolerance, _KINK_INTEGRATION_DIFFERENCE)
+        tolerance = max(tolerance, SEARCH.kink_integration_difference)
     return bool(np.max(np.abs(integrated - after) / np.maximum(1.0, np.abs(after))) < tolerance)
 
 

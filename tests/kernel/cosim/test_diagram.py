@@ -98,7 +98,7 @@ def test_of_many_fmus_the_first_ones_are_drawn(fmu: FmuPaths) -> None:
         system.add(f"part{number}", fmu("Cubic"))
     picture = _drawn(system)
     assert len(list(picture.iter(f"{SVG}rect"))) == 60
-    assert _texts(picture)[0] == "many, and 10 FMUs more"
+    assert _texts(picture)[0] == "many, and 10 more FMUs"
     assert _texts(_drawn(System("none")))[0] == "none"
 
 

@@ -127,7 +127,7 @@ def test_what_is_refused_is_said(ball: Path) -> None:
     ) as it:
         simulate(ball, limit=0.5)
     assert it.value.result.time[-1] == pytest.approx(0.5)
-    with pytest.raises(SimulationError, match="Ball: its event iteration at t = 0 s has no end"):
+    with pytest.raises(SimulationError, match="Ball: its event iteration at t = 0 s does not end"):
         simulate(ball, endless=True)
 
 

@@ -86,7 +86,8 @@ class Call(partial[Any]):
     ) -> Call:
         """Set the record from which compiled code makes the call; returns the call itself.
 
-        :param source: address, or object of ctypes, that is read; ``values``: that is written.
+        :param source: address, or object of ctypes, that is read.
+        :param values: address, or object of ctypes, that is written.
         """
         function: Any = self.func
         address = None if kind in {COPY, CONVERT, WATCH} else cast(function, c_void_p).value

@@ -36,7 +36,8 @@ class InputMotionCalls:
     """The calls by which an FMU receives the motion of its inputs within a step.
 
     :param kind: numbers that compiled code writes before the step.
-    :param before: calls before the step; ``after``: calls after it.
+    :param before: calls before the step.
+    :param after: calls after it.
     :param error_order: order in H of the error of the motion.
     :param arrays: those of compiled code; it writes to ``shape``, and see :func:`polynomial_arrays`.
     """
@@ -52,7 +53,8 @@ class Gains(NamedTuple):
     """Derivatives ∂(output)/∂(input) of an FMU that are not 0 everywhere, one input after the other.
 
     :param pairs: (output, input) of each derivative, their numbers in the FMU.
-    :param calls: one of each input; ``values``: the derivatives by it, which the call writes.
+    :param calls: one of each input.
+    :param values: the derivatives by it, which the call writes.
     """
 
     pairs: list[tuple[int, int]]

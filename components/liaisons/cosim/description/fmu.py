@@ -54,7 +54,8 @@ class Fmu:
 
     :param version: 2 or 3.
     :param is_model_exchange: whether it is used for Model Exchange, with a solver of ours.
-    :param states: number of continuous states, and ``indicators`` of event indicators (FMI 2.0).
+    :param states: number of continuous states.
+    :param indicators: number of event indicators (FMI 2.0).
     :param continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :param needs_completed_step: whether Model Exchange has to call completedIntegratorStep.
     :param guid: GUID, or instantiation token.

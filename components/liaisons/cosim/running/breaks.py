@@ -48,8 +48,8 @@ class _Comparison(NamedTuple):
 
     :param off: deviations at the nodes, shape (steps, nodes).
     :param sizes: its largest value so far, shape (steps,).
-    :param leaves: whether a deviation exceeds the tolerance; ``jumps``: whether the limit from the right at the
-        end does.
+    :param leaves: whether a deviation exceeds the tolerance.
+    :param jumps: whether the limit from the right at the end does.
     """
 
     off: Vector

@@ -13,7 +13,8 @@ class NextSteps(NamedTuple):
     """Steps that are made next.
 
     :param ends: their ends [s]; none if the next step crosses a break.
-    :param target: instant to which they lead [s]; ``in_result``: whether what they reach is in the result.
+    :param target: instant to which they lead [s].
+    :param in_result: whether what they reach is in the result.
     """
 
     ends: Sequence[float]

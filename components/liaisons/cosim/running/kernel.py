@@ -177,7 +177,8 @@ class Kernel:
         """Initialize all FMUs at the start time.
 
         :param parts: the components with their start values.
-        :param first: calls that take FMUs to where they begin; ``last``: those after initialization.
+        :param first: calls that take FMUs to where they begin.
+        :param last: calls after initialization.
         :param happening: what may happen at the start, too.
         """
         simulation, bus, calls = self.simulation, self.bus, self.algorithm.calls

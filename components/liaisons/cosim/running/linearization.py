@@ -29,8 +29,13 @@ class Linearization:
     """x' = rates + A Δx + B Δu, y = y* + C Δx + D Δu, for deviations Δ from a point x*, u*, y*.
 
     :param title: what was linearized.
-    :param A: shape (states, states), ``B`` (states, inputs), ``C`` (outputs, states), ``D`` (outputs, inputs).
-    :param states: names, also ``inputs`` and ``outputs``, element by element.
+    :param A: shape (states, states).
+    :param B: shape (states, inputs).
+    :param C: shape (outputs, states).
+    :param D: shape (outputs, inputs).
+    :param states: names, element by element.
+    :param inputs: names, element by element.
+    :param outputs: names, element by element.
     :param rates: of the states at the point, shape (states,); 0 at an equilibrium.
     :param values: of states, inputs and outputs at the point, by name.
     :param units: name -> unit; empty where there is none.
@@ -124,7 +129,8 @@ def linearization(
 
     Its inputs are those that nothing feeds, functions of time, and outputs of sampled components.
 
-    :param time: of the point [s]; ``present``: values of recorded variables there, by name.
+    :param time: of the point [s].
+    :param present: values of recorded variables there, by name.
     :raises SimulationError: for an FMU that provides no directional derivatives, or refuses one.
     """
     feeds, parts = simulation.feeds, simulation.parts

@@ -92,7 +92,8 @@ class _LoopRecord(Record):
 class Loop:
     """Communication steps, and the recorded values of the bus after each.
 
-    :param step: calls of one step; ``instant``: those at one instant.
+    :param step: calls of one step.
+    :param instant: calls at one instant.
     :param capacity: expected number of communication points.
     :ivar done: number of recorded points.
     :ivar rows: values of the bus at each of :attr:`times` [s], shape (points, width of the bus).

@@ -44,7 +44,8 @@ class Points:
     """Steps to communication points, many at once.
 
     :param stop: number of points to be reached.
-    :param most: most points between two reports of progress; ``reports``: there are any.
+    :param most: largest number of points between two reports of progress.
+    :param reports: whether there are any.
     """
 
     repeats = False

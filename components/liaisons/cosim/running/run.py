@@ -148,7 +148,8 @@ class Run:
         """Step to the next communication point.
 
         :param inputs: values of inputs that nothing feeds, which they keep until they are set again; of a system by
-            ``"component.input"``.  ``keywords`` are further ones.
+            ``"component.input"``.
+        :param keywords: further ones.
         :raises SimulationError: for an unknown input, one that has a source, a value that it cannot have, and a run
             that is closed or at its end; :class:`IncompleteError`, with the result so far, if an FMU refuses the step.
         """
@@ -269,7 +270,8 @@ class Run:
         After an error the run is in the state that it had, if the FMUs can return to it; else it has none.
 
         :param start_values: where they differ from those that the run was made with; of a system by
-            ``"component.variable"``.  ``keywords`` are further ones.
+            ``"component.variable"``.
+        :param keywords: further ones.
         :raises SimulationError: for an unknown name, a value that cannot be set, or an FMU that cannot go back.
         """
         document = self._kernel.simulation.document

@@ -87,7 +87,8 @@ def refuse_step(kernel: Kernel) -> NoReturn:
 def one_number_each(title: str, inputs: Sequence[str], values: ArrayLike) -> list[float]:
     """Values of inputs in an array as numbers.
 
-    :param title: of the simulation; ``inputs``: names.
+    :param title: of the simulation.
+    :param inputs: their names.
     :raises SimulationError: unless there is one for each.
     """
     if type(values) is list and len(values) == len(inputs) and set(map(type, values)) == {float}:

@@ -77,7 +77,8 @@ class Timeline:
     def ends_before(self, now: float, ends: Sequence[float], size: float) -> Sequence[float]:
         """Those ends of steps that come before the next break, else an instant shortly before it [s].
 
-        :param ends: of steps from an instant on, in their order; ``size`` of a communication step [s].
+        :param ends: of steps from an instant on, in their order.
+        :param size: of a communication step [s].
         :returns: nothing if the break is so near that the next step crosses it.
         """
         if self.next == math.inf:
