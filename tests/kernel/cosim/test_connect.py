@@ -68,7 +68,7 @@ def test_single_variables(system: System) -> None:
         ("spring.seen mass.q_force", ["spring.seen [m]", "mass.q_force [N]", "different kinds"]),
         ("spring.seen mass.q", ["spring.seen (output)", "mass.q (output)", "an output, the other an input"]),
         ("spring.seen mass.mass", ["mass.mass (parameter)", "set where its component is added"]),
-        ("cubic.y discrete.level", ["cubic.y (Real)", "discrete.level (Integer)", "of one type"]),
+        ("cubic.y discrete.level", ["cubic.y (Real)", "discrete.level (Integer)", "of the same type"]),
         ("discrete.late discrete.level", ["discrete.late (Boolean)", "discrete.level (Integer)"]),
         ("discrete.late mass.q_force", ["discrete.late (Boolean)", "mass.q_force (Real)"]),
         ("discrete.gear probe.u", ["discrete.gear (Enumeration)", "probe.u (Real)"]),

@@ -165,7 +165,7 @@ def _replaced(path: Path, member: bytes, flow: str) -> Path:
 @pytest.mark.parametrize(
     ("other", "words"),
     [
-        ({"kind": "rotation"}, r"mass\.flange \(x\) and spring\.flange \(rotation\).* other kinds"),
+        ({"kind": "rotation"}, r"mass\.flange \(x\) and spring\.flange \(rotation\).* differ in kind"),
         ({"members": {"x": "distance"}}, r"mass\.flange has the members x, F, spring\.flange has x"),
         ({"members": {"y": "distance"}, "rule": "bus"}, r"has the members x, F, spring\.flange has y"),
     ],
