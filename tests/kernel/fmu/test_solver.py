@@ -38,6 +38,15 @@ def test_coefficients_are_the_published_ones(tableau) -> None:
     np.testing.assert_array_equal(vectors["b"] - vectors["bhh"], reference.E3[:12])
 
 
+def test_coefficients_of_the_dense_output_are_the_published_ones() -> None:
+    code = (resources.files("liaisons.fmu") / "runtime" / "events.c").read_text()
+    tables = re.findall(r"static const double \w+(?:\[\w+\])+ = \{(.*?)\};", code, re.DOTALL)
+    times, stages, shapes = (np.array(re.findall(r"-?\d+\.?\d*", table), dtype=float) for table in tables)
+    np.testing.assert_array_equal(times, reference.C[13:])
+    np.testing.assert_array_equal(stages.reshape(3, 15), reference.A[13:, :15])
+    np.testing.assert_array_equal(shapes.reshape(4, 16), reference.D)
+
+
 def motion(library, size: float, tolerance: float, **start: float) -> tuple[NDArray, ...]:
     """Times, theta, theta_dot and energy balance at the communication points."""
     instance = library.start(tolerance=tolerance, **start)

@@ -105,23 +105,19 @@ def test_values_are_those_of_their_types(library) -> None:
     assert instance.get_integer("input_reconstruction") == 1  # a setting, of the same type
 
 
-@pytest.mark.parametrize(
-    ("name", "function", "of_type", "is_one"),
-    [
+def test_values_of_another_type_are_refused(library) -> None:
+    instance = library.start()
+    for name, function, of_type, is_one in (
         ("gap_closed", "GetFloat64", "floating-point", "Boolean"),
         ("gap_impacts", "GetFloat64", "floating-point", "integer"),
         ("height", "GetBoolean", "Boolean", "floating-point"),
         ("gap_impacts", "GetBoolean", "Boolean", "integer"),
-        ("height", "GetInt32", "integer", "floating-point"),
+        ("dissipation", "GetInt32", "integer", "floating-point"),  # the last but a drawn one, before the settings
         ("gap_closed", "GetInt32", "integer", "Boolean"),
-    ],
-)
-def test_values_of_another_type_are_refused(library, name, function, of_type, is_one) -> None:
-    instance = library.start()
-    reference = library.references[name]
-    buffer = {"GetFloat64": reals([0.0]), "GetBoolean": instance.flags(1), "GetInt32": (c.c_int32 * 1)()}[function]
-    message = f"value reference {reference} belongs to no {of_type} variable: {name} is {is_one}"
-    instance.refuse(message, function, instance.refs([name]), 1, buffer, 1)
+    ):
+        buffer = {"GetFloat64": reals([0.0]), "GetBoolean": instance.flags(1), "GetInt32": (c.c_int32 * 1)()}[function]
+        known = f"value reference {library.references[name]} belongs to no {of_type} variable: {name} is {is_one}"
+        instance.refuse(known, function, instance.refs([name]), 1, buffer, 1)
     instance.step(0.0, 0.1)
 
 
