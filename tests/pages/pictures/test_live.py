@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Shapes, System, operator, show, tabulated
+from liaisons import Ball, Box, Coordinate, Mechanism, Parameter, Shapes, Spring, System, operator, show, tabulated
 from liaisons.base import compiler
 from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim import Connection
@@ -244,24 +244,29 @@ def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
 def test_of_a_box_the_faces_towards_the_eye_are_painted(opened: Opened, fmu: Fmu) -> None:
     with opened(fmu(_Boxed)) as live:
         for yaw, pitch in ((-0.6, 0.35), (2.5, -0.4)):
-            painted, radii = live.evaluate(
+            painted, radii, lines, ends, unit = live.evaluate(
                 """([yaw, pitch]) => {
-                const radii = [];
+                const radii = [], lines = [];
                 const view = Object.assign(window.page.view, { yaw, pitch }), faces = [];
                 let corners = [];
                 view.context.beginPath = () => { corners = []; };
                 view.context.moveTo = view.context.lineTo = (x, y) => corners.push([x, y]);
                 view.context.fill = () => corners.length && faces.push(corners);
+                view.context.stroke = () => lines.push(corners);
                 view.context.arc = (x, y, radius) => radii.push(radius / view.scale);
                 window.page.paint();
                 const middle = (k) => (f) => f.reduce((sum, p) => sum + p[k] / 4, 0);
                 const place = (f) => [(middle(0)(f) - view.origin[0]) / view.scale,
                   (view.origin[1] - middle(1)(f)) / view.scale];
-                return [faces.map(place), radii];
+                const { shapes: [, , spring], scale, extent } = view, { now } = window.page;
+                return [faces.map(place), radii, lines, [spring.from, spring.to].map((end) => view.see(end(now))),
+                  scale * extent];
             }""",
                 [yaw, pitch],
             )
             assert radii == pytest.approx([0.2])
+            zigzag = _zigzag_points(*np.array(ends), SIZES["spring"] * unit, max(COILS))
+            assert np.array(max(lines, key=len)) == pytest.approx(zigzag[:, :2], abs=1e-9)
             half = np.array([0.5, 1.0, 1.5])  # the faces' distances from the centre
             right, up, towards = Camera(yaw, pitch).axes
             expected = [side * h * e for e, h in zip(np.eye(3), half, strict=True) for side in (1, -1)]
@@ -659,7 +664,7 @@ def test_what_is_converted_on_its_way(opened: Opened, fmu: Fmu) -> None:
 
 
 class _Boxed(Mechanism):
-    """A box on a line."""
+    """A box on a line, with a ball and a spring inside."""
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     x = Coordinate("m", "position")
@@ -668,7 +673,8 @@ class _Boxed(Mechanism):
         return self.mass / 2 * self.dot(self.x) ** 2
 
     def picture(self) -> Shapes:
-        return [Box({"x": self.x}, ca.SX.eye(3), (1.0, 2.0, 3.0)), Ball({"x": self.x}, 0.2)]
+        left, right = ({"x": self.x + side * 0.4, "z": side * 0.5} for side in (-1, 1))
+        return [Box({"x": self.x}, ca.SX.eye(3), (1.0, 2.0, 3.0)), Ball({"x": self.x}, 0.2), Spring(left, right)]
 
 
 class _Toy(Mechanism):
