@@ -56,6 +56,7 @@ def test_a_system_draws_its_fmus_and_what_is_connected(fmu: FmuPaths) -> None:
     picture = _drawn(wired("cubic.y -> spring.length", spring=fmu("Spring"), cubic=fmu("Cubic")))
     assert [arrow.get("marker-start") for arrow in _arrows(picture)] == [None]
     assert _texts(picture)[-1] == "numbers: the order in which the FMUs are stepped"
+    assert _texts(_drawn(wired(cubic=fmu("Cubic"))))[-2:] == ["y", ""]  # one alone has no order
 
 
 def test_no_block_lies_on_another(component: FmuPaths) -> None:

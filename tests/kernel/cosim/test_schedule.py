@@ -89,6 +89,7 @@ def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
 
 def test_late_inputs_are_those_of_the_same_cycle_and_with_jacobi_all() -> None:
     assert schedule.late_inputs(["a", "b"], RING, "gauss-seidel") == [("a", "u")]
+    assert schedule.late_inputs(["a"], {("a", "u"): ("a", "y")}, "gauss-seidel") == [("a", "u")]
     assert schedule.late_inputs(["a", "b", "c"], CHAIN, "gauss-seidel") == []
     assert schedule.late_inputs(["a", "b", "c"], CHAIN, "jacobi") == [("b", "u"), ("c", "u")]
     assert schedule.late_inputs(["a", "b"], RING, "implicit") == []
