@@ -68,16 +68,16 @@ def test_order(method) -> None:
     assert slope(steps, errors) >= order - 0.3
 
 
-@either_method
-def test_coefficients(method) -> None:
-    tableau = METHODS[method]
-    a = np.array([[*row, *[0.0] * (tableau.stages - len(row))] for row in tableau.matrix])
-    b, c = np.array(tableau.weights), np.array(tableau.nodes)
-    # Some ten roundings of coefficients up to 10.
-    np.testing.assert_allclose(a.sum(axis=1), c, rtol=0, atol=1e-14)
-    for k in range(1, tableau.order + 1):
-        assert b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-14)  # quadrature: y' = t^(k-1)
-        assert b @ np.linalg.matrix_power(a, k - 1) @ np.ones(len(b)) == pytest.approx(1 / math.factorial(k), abs=1e-14)
+def test_coefficients() -> None:
+    for tableau in METHODS.values():
+        a = np.array([[*row, *[0.0] * (tableau.stages - len(row))] for row in tableau.matrix])
+        b, c = np.array(tableau.weights), np.array(tableau.nodes)
+        # Some ten roundings of coefficients up to 10.
+        np.testing.assert_allclose(a.sum(axis=1), c, rtol=0, atol=1e-14)
+        for k in range(1, tableau.order + 1):
+            assert b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-14)  # quadrature: y' = t^(k-1)
+            linear = b @ np.linalg.matrix_power(a, k - 1) @ np.ones(len(b))
+            assert linear == pytest.approx(1 / math.factorial(k), abs=1e-14)
 
 
 @either_method
