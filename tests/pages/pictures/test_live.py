@@ -265,7 +265,8 @@ def test_of_a_box_the_faces_towards_the_eye_are_painted(opened: Opened, fmu: Fmu
                 [yaw, pitch],
             )
             assert radii == pytest.approx([0.2])
-            zigzag = _zigzag_points(*np.array(ends), SIZES["spring"] * unit, max(COILS))
+            start, end = np.array(ends)
+            zigzag = _zigzag_points(start, end, SIZES["spring"] * unit, max(COILS))
             assert np.array(max(lines, key=len)) == pytest.approx(zigzag[:, :2], abs=1e-9)
             half = np.array([0.5, 1.0, 1.5])  # the faces' distances from the centre
             right, up, towards = Camera(yaw, pitch).axes
