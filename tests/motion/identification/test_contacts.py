@@ -271,12 +271,16 @@ def test_a_recorded_motion_is_data_with_what_it_counts() -> None:
 
 
 def test_values_at_which_events_change_are_said() -> None:
-    """With equal frictions a mass that slips from the belt comes back to its speed where it stays just so."""
+    """With equal frictions a mass that slips from the belt comes back to its speed where it stays just so.
+
+    Up to 3e-10, that is: above the static friction, where rounding leads, too, an FMU refuses the sliding one.
+    """
     case = CASES["belt"]
     equal = {**case.truth, "mu_static": 0.1, "mu_sliding": 0.1}
     times = case.times[:11]
     data = {"time": times, "x": DryOscillator.exact(times, **equal, **case.exact)["x"]}
-    fit = identify(DryOscillator, data, "mu_sliding", 0.003, **case.options, mu_static=0.1, mu_sliding=0.1)
+    static = 0.1 * (1 + 3e-10)
+    fit = identify(DryOscillator, data, "mu_sliding", 0.003, **case.options, mu_static=static, mu_sliding=0.1)
     assert 0 < fit.standard_errors["mu_sliding"] < 0.01
     (sentence,) = fit.sentences
     assert sentence.startswith("data: t = 0.4985758")

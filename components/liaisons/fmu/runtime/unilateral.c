@@ -34,10 +34,6 @@ static void inspect(Instance *self, double time) {
     const size_t n = model->indicators, momenta = model->momenta;
     double *G = self->contacts.all + model->rows.G;
     evaluate(self, model->contact, time, self->v.y, self->contacts.all);
-    for (size_t i = 0; i < model->frictions; i++) { /* between bounds that rounding has exchanged there is no mode */
-        double *stick = self->contacts.all + model->rows.stick + i;
-        if (*stick < c->slide[i] && *stick >= c->slide[i] * (1 - STICKING)) *stick = c->slide[i];
-    }
     if (momenta > 0) memset(G, 0, n * n * sizeof *G);
     for (size_t j = 0; j < n; j++)
         for (size_t k = 0; k < momenta; k++)
