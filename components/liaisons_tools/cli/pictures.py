@@ -130,7 +130,7 @@ def show(
     """
     from liaisons import show
     from liaisons.base.compiler import INSTALLATION, zig_compiler
-    from liaisons.library import catalogue
+    from liaisons.library import is_target
     from liaisons_exchange.live import default_page_path
     from liaisons_tools.cli._inputs import tabulated_inputs
     from liaisons_tools.cli._subject import requested_simulation, resolved_subject
@@ -147,7 +147,7 @@ def show(
         "plots": None if plots is None else plots.split(","),
         "question": question,
     }
-    if fmu in names() and fmu not in catalogue() and not (others or inputs):
+    if fmu in names() and not is_target(fmu) and not (others or inputs):
         page = load_lesson(fmu).show(output or f"{fmu}.html").path
     else:
         shown, rest = resolved_subject(fmu, starts)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from ctypes import CFUNCTYPE, addressof, c_int, c_void_p, cast
+from collections.abc import Callable, Iterable
+from ctypes import CFUNCTYPE, Array, addressof, c_int, c_void_p, cast
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, final
@@ -115,3 +115,9 @@ class Call(partial[Any]):
 
 
 _CALLBACK = CFUNCTYPE(c_int)
+
+
+def call_records(calls: Iterable[Call]) -> Array[CallRecord]:
+    """The records of calls, as an array of C."""
+    array = [call.compiled_record() for call in calls]
+    return (CallRecord * len(array))(*array)

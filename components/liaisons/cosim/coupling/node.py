@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from liaisons.base.arrays import as_indices
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, call_records
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, call_records
+from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord
 from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomial_arrays
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent

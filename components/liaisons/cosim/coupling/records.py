@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from ctypes import Array
 from functools import partial
 from typing import final
 
-from liaisons.cosim.compiled.calls import HEADER, Call, CallRecord
+from liaisons.cosim.compiled.calls import HEADER
 from liaisons.cosim.structures import Record, structure_fields
 
 AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
@@ -67,9 +65,3 @@ class SystemRecord(Record):
     """See :class:`liaisons.cosim.coupling.implicit.Coupled`."""
 
     _fields_ = _fields("System", Failure=FailureRecord)
-
-
-def call_records(calls: Iterable[Call]) -> Array[CallRecord]:
-    """The records of calls, as an array of C."""
-    array = [call.compiled_record() for call in calls]
-    return (CallRecord * len(array))(*array)

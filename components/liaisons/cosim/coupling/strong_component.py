@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.base.arrays import as_indices
 from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.compiled.calls import RAISED, Call
+from liaisons.cosim.compiled.calls import RAISED, Call, call_records
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.coupling.node import Node, Phase
@@ -21,7 +21,6 @@ from liaisons.cosim.coupling.records import (
     NewtonRecord,
     NodeRecord,
     StrongComponentRecord,
-    call_records,
 )
 from liaisons.cosim.coupling.signals import Curve, Signals
 from liaisons.cosim.structure.schedule import Depends

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import HEADER, Call
+from liaisons.cosim.compiled.calls import HEADER, Call, call_records
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.records import call_records
 from liaisons.cosim.structures import Record, structure_fields
 from liaisons.errors import EndedError, SimulationError
 
