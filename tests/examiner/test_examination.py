@@ -6,12 +6,15 @@ import tomllib
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 import pytest
 
 from liaisons import ActiveCoordinate, Coordinate, LiaisonsError, Mechanism, Parameter, check_component
-from liaisons.library import catalogue
+from liaisons.library import catalogue, component
 from liaisons.testing import component_test
+from liaisons_motion.examination.motions import EquationsOfMotion
 from liaisons_motion.examination.statements import statements
+from liaisons_motion.examination.trials import trials_of
 from liaisons_tools.cli import main
 
 HERE = Path(__file__).parent
@@ -150,6 +153,8 @@ class Slider(Mechanism):
         ("at.x_0 + at.x_dot_0 * t", "it returns ndarray"),
         ('{"x": at.y_0 + 0 * t}', "nothing is called 'y_0'"),
         ('{"x": 1 / 0 + t}', "ZeroDivisionError"),
+        ("{}", "it returns nothing"),
+        ('{"x": np.sqrt(-at.x_0) + t}', "x is what exact says"),
     ],
 )
 def test_a_closed_form_that_fails_is_told_with_the_reason(result: str, says: str, tmp_path: Path) -> None:
@@ -158,6 +163,36 @@ def test_a_closed_form_that_fails_is_told_with_the_reason(result: str, says: str
     examination = check_component(path, seconds=1)
     [failure] = [verdict for verdict in examination.verdicts if not verdict.passed]
     assert says in failure.claim
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "says"),
+    [
+        ('    @closed_form("the even motion")\n', "", "write @closed_form"),
+        ('@closed_form("the even motion")', "@closed_form", "write @closed_form"),
+        ("exact(t, at)", "exact(self, t, at)", "write @closed_form"),
+        ("    x = ", '    drag = Parameter(0.1, "N.s/m", "drag")\n    x = ', "drag not"),
+        ("    x = ", '    mass = Parameter(1.0, "kg", "another mass")\n    x = ', "mass in lines"),
+        ("    def kinetic", "    def x(self):\n        return self.mass\n\n    def kinetic", "x in lines"),
+        ("    def kinetic", "    def __init__(self):\n        self.mass\n\n    def kinetic", r"super().__init__()"),
+    ],
+)
+def test_a_mistake_is_told_with_the_remedy(written: str, instead: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "slider.py"
+    text = OWN.replace("RESULT", '{"x": at.x_0 + at.x_dot_0 * t}')
+    path.write_text(text)
+    assert check_component(path, seconds=1).passed
+    path.write_text(text.replace(written, instead))
+    claims = [verdict.claim for verdict in check_component(path, seconds=1).verdicts if not verdict.passed]
+    assert any(says in claim for claim in claims), claims
+
+
+def test_values_that_violate_a_condition_of_the_component_are_not_tried() -> None:
+    equations = EquationsOfMotion(component("FourierHoop"))
+    tried = [*trials_of(equations, getattr(component("FourierHoop"), "exact"), 20, 1)]  # noqa: B009 - of one component
+    assert len(tried) == 2
+    assert any(tried[1].values[f"cos_{k}"] for k in range(1, 5))
+    assert all(np.all(equations.distances(one.values) > 0) for one in tried)
 
 
 test_pendulum = component_test("Pendulum")

@@ -133,7 +133,7 @@ class Component(ABC):
     def __getattr__(self, name: str) -> Any:
         # Only called for names that are not declared: rates, and misspelt symbols in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
-            raise AttributeError(name)
+            raise AttributeError(f"{name}: there are no symbols yet; let __init__ begin with super().__init__()")
         array, bracket, index = name.partition("[")
         if bracket:
             return getattr(self, array)[int(index[:-1]) - 1]

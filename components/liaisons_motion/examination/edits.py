@@ -272,7 +272,7 @@ def _replacements(node: ast.AST, child: ast.expr, names: Names) -> Iterator[tupl
     elif isinstance(child, ast.BinOp):
         rank = 2 if isinstance(child.op, (ast.Add, ast.Sub)) else 3
         yield from ((ast.unparse(side), rank) for side in (child.left, child.right))
-    elif isinstance(child, ast.Call) and len(child.args) == 1:
+    elif isinstance(child, ast.Call) and len(child.args) == 1 and not isinstance(child.args[0], ast.Starred):
         yield ast.unparse(child.args[0]), 3
     elif isinstance(child, ast.Attribute) and text == f"{names.owner}.{child.attr}":
         yield from _other_names(text, child.attr, names)

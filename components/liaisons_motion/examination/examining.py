@@ -6,6 +6,7 @@ import ast
 import inspect
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from textwrap import dedent
@@ -32,7 +33,7 @@ _TRIALS = 3
 """Sets of values beside the declared ones: two that agree by chance are rare, a third one costs little."""
 
 _LEAST = 4.0
-"""Least time of the search for a change with which a formula of the docstring holds [s]."""
+"""Time after which no further set of values is tried, and least time for the docstring's formulas [s]."""
 
 
 @final
@@ -98,9 +99,7 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
         path = Path(component) if isinstance(component, (str, Path)) else Path()
         if path.suffix != ".py" or not path.is_file():
             raise
-        report.add(f"it can be loaded: {error}", math.inf, 0.0, "a component is checked when it is declared")
-        repairs = tuple(causes_of_refusal(str(path), end))
-        return Examination(path.stem, tuple(report.verdicts), repairs, is_loaded=False)
+        return _examination_of_refused(path, error, end)
     equations: EquationsOfMotion | None = None
     try:
         equations = EquationsOfMotion(declared)
@@ -109,13 +108,9 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
     if issubclass(declared, Mechanism):
         _check_declarations(declared, report)
         _check_energies(declared, report)
-    closed = getattr(declared, "exact", None)
+    closed: Any = getattr(declared, "exact", None)
     trials, explained = list[Trial](), list[Cause]()
-    if not isinstance(closed, ClosedForm):
-        report.unchecked.append("closed form: none is called exact")
-    elif closed.arguments != ("t",):
-        report.unchecked.append(f"closed form: it takes {', '.join(closed.arguments)}; exact(t, at) is checked")
-    elif equations is not None:
+    if _is_checkable(closed, report) and equations is not None:
         trials, explained = _check_closed_form(declared, closed, equations, report, end)
     if issubclass(declared, Mechanism) and (stated := statements(declared())):
         if not explained and not all(stated.values()) and all(one.passed for one in report.verdicts):
@@ -123,6 +118,31 @@ def check_component(component: Target, *, seconds: float = 12.0) -> Examination:
             explained = causes_of_statements(declared, closed if trials else None, trials, stated, end)
         _check_statements(stated, report, is_explained=bool(explained))
     return Examination(declared.__name__, tuple(report.verdicts), tuple(explained), tuple(report.unchecked))
+
+
+def _examination_of_refused(path: Path, error: Exception, end: float) -> Examination:
+    """Why a file's component cannot be loaded, and what would let it."""
+    report = _Report()
+    report.add(f"it can be loaded: {error}", math.inf, 0.0, "a component is checked when it is declared")
+    with suppress(OSError, SyntaxError, UnicodeDecodeError):
+        for declared in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(declared, ast.ClassDef):
+                _check_names(declared, report)
+    return Examination(path.stem, tuple(report.verdicts), tuple(causes_of_refusal(str(path), end)), is_loaded=False)
+
+
+def _is_checkable(closed: Any, report: _Report) -> bool:
+    """Whether there is a closed form of time."""
+    if closed is None:
+        report.unchecked.append("closed form: none is called exact")
+    elif not isinstance(closed, ClosedForm) or "self" in closed.arguments:
+        claim = 'exact is a closed form: write @closed_form("which solution"), @staticmethod, def exact(t, at)'
+        report.add(claim, math.inf, 0.0, "it is called with times and values, beside the class")
+    elif closed.arguments != ("t",):
+        report.unchecked.append(f"closed form: it takes {', '.join(closed.arguments)}; exact(t, at) is checked")
+    else:
+        return True
+    return False
 
 
 def _check_declarations(declared: type[Mechanism], report: _Report) -> None:
@@ -133,7 +153,10 @@ def _check_declarations(declared: type[Mechanism], report: _Report) -> None:
         report.unchecked.append("declarations: there is no source")
         return
     used = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and ast.unparse(n.value) == "self"}
-    used |= {str(n.value) for n in ast.walk(tree) if isinstance(n, ast.Constant)}  # of decorators, by name
+    for statement in (s for whole in tree.body if isinstance(whole, ast.ClassDef) for s in whole.body):
+        is_declared = isinstance(statement, ast.Assign) and _is_parameter(statement.value)
+        constants = (n for n in ast.walk(statement) if isinstance(n, ast.Constant) and not is_declared)
+        used |= {str(n.value) for n in constants}  # of decorators, by name
     assigned = {ast.unparse(n.targets[0]) for n in ast.walk(tree) if isinstance(n, ast.Assign)}
     items = {name: item for name, item in vars(declared).items() if name in assigned}
     own = [n for n, item in items.items() if isinstance(item, Parameter) and not isinstance(item, Friction)]
@@ -141,6 +164,29 @@ def _check_declarations(declared: type[Mechanism], report: _Report) -> None:
     unused = [name for name in own if name not in used | inherited]
     claim = f"each parameter is used{': ' + ', '.join(unused) + ' not' if unused else ''}"
     report.add(claim, float(len(unused)), 0.0, "a parameter that nothing depends on is forgotten in an energy")
+    for whole in tree.body:
+        if isinstance(whole, ast.ClassDef):
+            _check_names(whole, report)
+
+
+def _is_parameter(value: ast.expr) -> bool:
+    return isinstance(value, ast.Call) and ast.unparse(value.func).endswith("Parameter")
+
+
+def _check_names(declared: ast.ClassDef, report: _Report) -> None:
+    """No declaration or method of a class is hidden by a later one of the same name."""
+    lines = dict[str, list[int]]()
+    for one in declared.body:
+        if isinstance(one, ast.FunctionDef) and any("." in ast.unparse(d) for d in one.decorator_list):
+            continue  # of a property
+        targets = one.targets if isinstance(one, ast.Assign) else []
+        names = [one.name] if isinstance(one, ast.FunctionDef) else [ast.unparse(target) for target in targets]
+        for name in names:
+            lines.setdefault(name, []).append(one.lineno)
+    twice = [f"{name} in lines {', '.join(map(str, at))}" for name, at in lines.items() if len(at) > 1]
+    if twice:
+        claim = f"{declared.name} declares each name once: {'; '.join(twice)} of the class"
+        report.add(claim, float(len(twice)), 0.0, "the last one hides those before it")
 
 
 def _check_energies(declared: type[Mechanism], report: _Report) -> None:
@@ -181,7 +227,7 @@ def _check_closed_form(
     trials = list[Trial]()
     reason = "rounding 1e-8 of its size, and ten times the error of the integration"
     try:
-        trials += trials_of(equations, closed, _SEED, _TRIALS, end)
+        trials += trials_of(equations, closed, _SEED, _TRIALS, perf_counter() + _LEAST)
     except Exception as error:  # noqa: BLE001 - a closed form may raise anything: that is what is found
         if _covers_other_values(error):
             report.unchecked.append(f"closed form: it cannot be called with the declared values: {error}")

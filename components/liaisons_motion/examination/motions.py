@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import count
-from typing import final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853
 
 from liaisons import assemble
 from liaisons.errors import ComponentError
@@ -50,16 +49,24 @@ class EquationsOfMotion:
         bounds = np.nan_to_num(np.abs(fine - coarse), nan=np.inf)
         return self.by_name(fine), self.by_name(bounds)
 
+    def distances(self, values: Mapping[str, float]) -> NDArray:
+        """Distances of the conditions that must stay > 0 from failing, at the start."""
+        model = self.model
+        parameters, u = ([values[v.name] for v in part] for part in (model.parameters, model.inputs))
+        start, memory = model.start(0.0, u, parameters)
+        last = [memory] if model.conditions.n_in() > 4 else []
+        return np.array(model.conditions(0.0, start, u, parameters, *last)).ravel()
+
     def by_name(self, outputs: NDArray) -> Motion:
         """Rows of an array as outputs by their names."""
         return dict(zip(self.outputs, outputs, strict=True))
 
     def outputs_at(
-        self, values: Mapping[str, float], times: NDArray, tolerance: float = _TOLERANCE, most: int = 200_000
+        self, values: Mapping[str, float], times: NDArray, tolerance: float = _TOLERANCE, most: int = 15_000
     ) -> NDArray:
         """Return all outputs at times, shape (outputs, times), by an integration of this tolerance.
 
-        :param most: calls of the derivatives after which the motion is given up, all NaN.
+        :param most: calls of the derivatives after which the motion ends, as at a singularity.
         """
         model = self.model
         parameters = [values[v.name] for v in model.parameters]
@@ -78,25 +85,33 @@ class EquationsOfMotion:
         last = [memory] if model.derivatives.n_in() > 4 else []
         sizes = np.array(model.nominals(0.0, start, inputs(0.0), parameters)).ravel()
 
-        calls = count()
-
         def rates(t: float, y: NDArray) -> NDArray:
-            derivatives = np.array(model.derivatives(t, y, inputs(t), parameters, *last)).ravel()
-            if (number := next(calls)) > most or not (number or np.all(np.isfinite(derivatives))):
-                raise FloatingPointError("too many steps, or singular at the start: the integrator would not end")
-            return derivatives
+            return np.array(model.derivatives(t, y, inputs(t), parameters, *last)).ravel()
 
-        states: NDArray = np.zeros((len(times), len(start)))
-        if len(start):
-            options = {"rtol": tolerance, "atol": tolerance * np.maximum(np.abs(sizes), 1e-12)}
-            try:
-                with np.errstate(all="ignore"):
-                    span = (0.0, float(times[-1]))
-                    states = solve_ivp(rates, span, start, method="DOP853", t_eval=times, **options).y.T
-            except FloatingPointError:
-                states = states[:0]
+        atol = tolerance * np.maximum(np.abs(sizes), 1e-12)
+        states = (
+            _states_at(times, rates, start, most, rtol=tolerance, atol=atol) if len(start) else [start] * len(times)
+        )
         reached = zip(times, states, strict=False)  # where it is singular the integration ends
         outputs = [np.array(model.outputs_function(t, y, inputs(t), parameters, memory)).ravel() for t, y in reached]
         whole = np.full((len(times), len(self.outputs)), np.nan)
-        whole[: len(outputs)] = outputs
+        for row, output in zip(whole, outputs, strict=False):
+            row[:] = output
         return whole.T
+
+
+def _states_at(
+    times: NDArray, rates: Callable[[float, NDArray], NDArray], start: NDArray, most: int, **tolerances: Any
+) -> Sequence[NDArray]:
+    """States at times from 0, until the motion ends."""
+    states = [start]
+    if not np.all(np.isfinite(rates(0.0, start))):  # no step size would be small enough
+        return states
+    with np.errstate(all="ignore"):
+        solver = DOP853(rates, 0.0, start, float(times[-1]), **tolerances)
+        while solver.status == "running" and solver.nfev < most:
+            solver.step()
+            if solver.status != "failed" and times[len(states)] <= solver.t:
+                dense = solver.dense_output()
+                states += [dense(t) for t in times[len(states) :] if t <= solver.t]
+    return states

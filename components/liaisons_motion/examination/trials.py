@@ -81,8 +81,9 @@ def solution_of(closed: ClosedForm, values: Mapping[str, float], declared: Mappi
     changed = {name: value for name, value in values.items() if value != declared[name]}
     with np.errstate(all="ignore"):
         solution = closed(t, **changed)
-    if not isinstance(solution, Mapping):
-        raise TypeError(f"it returns {type(solution).__name__}; return arrays by the names of variables")
+    if not isinstance(solution, Mapping) or not solution:
+        what = "nothing" if solution is None or isinstance(solution, Mapping) else type(solution).__name__
+        raise TypeError(f"it returns {what}; return arrays by the names of variables")
     arrays = dict[str, NDArray]()
     for name, value in solution.items():
         array = np.asarray(value, dtype=float)
@@ -105,6 +106,8 @@ def trials_of(
     if unknown := [name for name in first if name not in equations.outputs]:
         raise TypeError(f"it gives {unknown[0]}, which is no output of the component")
     yield _trial(equations, values, first, t)
+    distances = equations.distances(values)
+    limits = np.minimum(distances, distances / 2)  # no nearer to where a condition fails
     for _ in range(count):
         other, solution = dict(values), first
         for name in random.permutation(sorted(values)).tolist():
@@ -115,7 +118,8 @@ def trials_of(
                 candidate = solution_of(closed, other | {name: value}, declared, t)
             except LiaisonsError:
                 continue
-            if all(np.all(np.isfinite(value)) for value in candidate.values()):
+            is_inside = not np.any(equations.distances(other | {name: value}) < limits)
+            if is_inside and all(np.all(np.isfinite(value)) for value in candidate.values()):
                 other[name], solution = value, candidate
         if _starts_as_told(trial := _trial(equations, other, solution, t)):
             yield trial

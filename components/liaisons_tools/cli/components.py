@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import multiprocessing
 import os
 import signal
@@ -9,6 +10,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -43,6 +45,8 @@ from liaisons_tools.cli._command import (
 if TYPE_CHECKING:
     from liaisons.language import Component
 
+_KINDS = {"Mechanism", "Chain", "Operator", "Hoop", "Linkage"}
+"""Names of the classes that components of a file are derived from."""
 S = TypeVar("S")
 T = TypeVar("T")
 
@@ -68,7 +72,22 @@ def list_components(
     if not targets:
         _show_published()
         print_scenarios()
+        _show_files()
     return 0
+
+
+def _show_files() -> None:
+    """Print a table of what the files of this folder declare, which are read, not run."""
+    rows = []
+    for path in sorted(Path().glob("*.py")):
+        with suppress(OSError, SyntaxError, UnicodeDecodeError):
+            for item in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(item, ast.ClassDef) and _KINDS & {ast.unparse(base) for base in item.bases}:
+                    summary = (ast.get_docstring(item) or "").partition("\n")[0]
+                    rows.append({"file": str(path), "component": item.name, "summary": summary})
+    if rows:
+        print("\nIn this folder: liaisons check FILE.py\n")
+        print_table(rows)
 
 
 def _show_found(words: list[str]) -> bool:

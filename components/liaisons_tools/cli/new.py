@@ -22,6 +22,7 @@ _OTHER_FOLDERS = ("dist", "figures", "fmus", "tests")
 
 @command("""
     liaisons new my_mechanics
+    liaisons check my_mechanics/my_mechanics/incline_block.py
     pip install --editable "./my_mechanics[test]"
     pytest my_mechanics
 """)

@@ -28,6 +28,16 @@ def test_scenarios_are_listed_by_theme_with_what_they_claim(runs: Runs, tmp_path
     assert out.index("Of this directory: liaisons run --theme own\n") < out.index("\nmine      Two is two.\n")
 
 
+def test_files_of_the_folder_are_listed_but_not_run(runs: Runs, tmp_path: Path) -> None:
+    assert "In this folder" not in runs("list")
+    text = 'raise SystemError("it is run")\n\n\nclass Mine(Mechanism):\n    """Two is two.\n\n    More."""\n'
+    (tmp_path / "mine.py").write_text(text)
+    (tmp_path / "broken.py").write_text("class Broken(Mechanism:")
+    out = runs("list")
+    assert out.index("In this folder: liaisons check FILE.py\n") < out.index("\nmine.py  Mine       Two is two.")
+    assert "Broken" not in out
+
+
 def test_list_finds_components_and_scenarios_by_words(runs: Runs, liaisons: Cli) -> None:
     def names(*words: str) -> set[str]:
         lines = runs("list", *words).splitlines()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons import System, __version__, equations, modelica, operator, simulate
+from liaisons import System, __version__, check_component, equations, modelica, operator, simulate
 from liaisons.base.published import published_components
 from liaisons.errors import ProjectError
 from liaisons.fmu.origin import provenance
@@ -87,6 +87,14 @@ def test_new_writes_a_package_of_this_name(runs: Runs, tmp_path: Path) -> None:
     texts = [(tmp_path / path).read_text(encoding="utf-8") for path in written]
     assert not any("my_mechanics" in text or "my-mechanics" in text for text in texts)
     assert 'name = "a-b2"' in (tmp_path / "a_b2" / "pyproject.toml").read_text()
+
+
+def test_the_component_of_new_passes_its_check(runs: Runs) -> None:
+    [path] = [path for path in runs("new", "my_ramps").split() if path.endswith("/incline_block.py")]
+    examination = check_component(path)
+    assert examination.passed, [str(verdict) for verdict in examination.verdicts]
+    claims = {verdict.claim for verdict in examination.verdicts}
+    assert {"docstring: s'' = g sin α - X'' cos α", "path is what exact says, at 4 sets of values"} <= claims
 
 
 @pytest.mark.parametrize(

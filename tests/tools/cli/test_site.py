@@ -75,7 +75,8 @@ def test_the_component_of_the_tutorial(runs: Runs, tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert "1 passed" in done.stdout, done.stdout
+    assert " passed" in done.stdout, done.stdout
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.fixture(scope="module", params=["wheel", "editable"])
