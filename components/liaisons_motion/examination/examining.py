@@ -233,7 +233,7 @@ def _check_closed_form(
             report.unchecked.append(f"closed form: it cannot be called with the declared values: {error}")
             return [], []
         report.add(f"exact can be evaluated: {type(error).__name__}: {error}", math.inf, 0.0, "it is called")
-        return [], causes(declared, closed, None, (), end)
+        return [], causes(declared, closed, equations, (), end)
     differences: dict[str, float] = {}
     for trial in trials:
         for name, difference in trial.differences().items():

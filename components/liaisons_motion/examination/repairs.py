@@ -122,13 +122,13 @@ class Source:
 def causes(
     component: type[Component],
     closed: ClosedForm,
-    equations: EquationsOfMotion | None,
+    equations: EquationsOfMotion,
     trials: Sequence[Trial],
     end: float,
 ) -> list[Cause]:
     """Single changes with which equations and closed form agree at all trials, the likeliest first.
 
-    :param equations: None if the component's closed form could not be held against them.
+    :param trials: none if the closed form raised at the declared values.
     :param end: value of ``perf_counter`` at which the search ends.
     """
     try:
@@ -138,7 +138,7 @@ def causes(
         return []
     name = closed.__name__
     edits = edits_of(search.source.declared, _alike(component), [name])
-    if equations is not None:
+    if trials:
         edits += missing_terms(search.source.declared, component)
     edits.sort(key=lambda edit: (edit.method != name, edit.rank))
     repairs = list[_Repair]()
@@ -277,11 +277,13 @@ class _Search:
     def _difference(self, method: str) -> float | None:
         """The same with the source as it is now, of which one method was changed."""
         source, equations, closed = self.source, self.equations, self.closed
-        if equations is None:
-            changed: Any = source.changed()
-            fresh = EquationsOfMotion(changed)
-            trials = trials_of(fresh, getattr(changed, self.name), 0, 2)
-            return _worst(trial.differences() for trial in trials)
+        if equations is None or not self.trials:
+            if equations is not None and method == self.name:
+                fresh, other = equations, closed.with_function(source.method(method))
+            else:
+                changed: Any = source.changed()
+                fresh, other = EquationsOfMotion(changed), getattr(changed, self.name)
+            return _worst(trial.differences() for trial in trials_of(fresh, other, 0, 2))
         t = times_of(equations)
         if method == self.name:
             other = closed.with_function(source.method(method))
