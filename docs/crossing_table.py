@@ -83,7 +83,10 @@ def table() -> dict[str, Any]:
 
 def groups() -> dict[str, dict[str, tuple[str, str]]]:
     """Capabilities by group: title, and what their results are held against."""
-    lines = {group: {name: (f"`{name}`", "") for name in functions} for group, functions in _functions().items()}
+    lines = {
+        group: {name: (lines.get("title", f"`{name}`"), "") for name, lines in functions.items()}
+        for group, functions in _functions().items()
+    }
     return table()["capabilities"] | lines
 
 
