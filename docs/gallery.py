@@ -1,4 +1,4 @@
-"""The gallery: of each scenario its claim, figure, motion, verdicts and source, all from one run of them.
+"""The gallery: of each scenario its claim, figure, motion, verdicts and source, all from one run of them; lessons.
 
 sphinx-gallery would run the scripts one after the other and keep what matplotlib shows.  A scenario is a function that
 is given ``claim``, has verdicts and one figure, and may simulate for ten seconds; ``liaisons_tools.scenarios`` hands
@@ -18,13 +18,14 @@ from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
+from zipfile import ZipFile
 
 from PIL import Image
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 from sphinx.util.display import status_iterator
 
-from liaisons import Result, show
+from liaisons import Result, fmu_path, show
 from liaisons.base.project import load_module
 from liaisons.cosim import system
 from liaisons.errors import LiaisonsError
@@ -32,10 +33,11 @@ from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.scenario_files import read_gallery, scenario_files
 from liaisons_pages.pictures import motion_page
-from liaisons_tools.scenarios import execute, load
+from liaisons_tools.scenarios import execute, lessons, load, load_lesson
 
 TITLES: dict[str, str] = read_gallery()["titles"]
 THEMES = {theme["title"]: theme["scenarios"] for theme in read_gallery()["themes"].values()}
+PANELS: dict[str, int] = read_gallery()["panels"]
 THUMBNAIL = 420, 300
 """Largest width and height [px]."""
 
@@ -64,9 +66,10 @@ def write_gallery(app: Sphinx) -> None:
     """
     pages, shown = Path(app.srcdir) / "gallery", Path(app.outdir) / "gallery"
     names = app.config.scenarios.split(",") if app.config.scenarios else list(scenario_files())
-    for folder in (pages, shown / "live"):
+    taught = Path(app.srcdir) / "lessons"
+    for folder in (pages, shown / "live", taught, Path(app.outdir) / "lessons"):
         folder.mkdir(parents=True, exist_ok=True)
-    for page in pages.glob("*.md"):
+    for page in (*pages.glob("*.md"), *taught.glob("*.md")):
         page.unlink()
     try:
         live = sorted({mechanism for name in names for mechanism in mechanisms(load(name).path)})
@@ -75,12 +78,15 @@ def write_gallery(app: Sphinx) -> None:
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
         runs = [pool.submit(write_page, name, names, pages, shown) for name in names]
         tasks = [*runs, *(pool.submit(write_live, name, shown / "live") for name in live)]
+        tasks.append(pool.submit(write_swing, Path(app.outdir)))
         for task in status_iterator(as_completed(tasks), "gallery... ", length=len(tasks), stringify_func=_done):
             task.result()
     entries = [run.result() for run in runs]
     if failed := [f"{entry.name}: {entry.error}" for entry in entries if entry.error]:
         raise ExtensionError("\n".join(failed))
     (pages / "index.md").write_text(_index(entries, live), encoding="utf-8")
+    chosen = [name for name in lessons() if name in names]
+    (taught / "index.md").write_text(lesson_index(chosen), encoding="utf-8")
 
 
 def mechanisms(path: Path) -> list[str]:
@@ -103,11 +109,11 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
 
     run_to_end = system.run_to_end
     with patch.object(system, "run_to_end", watched):
-        outcome = execute(scenario, pages)
+        outcome = execute(scenario, pages, thumbnail=shown / f"{name}.png", panel=PANELS.get(name, 0))
     if not outcome.passed:
         failed = [str(verdict) for verdict in outcome.verdicts if not verdict.passed]
         return Entry(name, scenario.claim, outcome.error or "; ".join(failed))
-    with Image.open(outcome.figure) as figure:
+    with Image.open(shown / f"{name}.png") as figure:
         figure.thumbnail(THUMBNAIL)
         figure.save(shown / f"{name}.png")
     motion = _motion(results[0]) if results else b""
@@ -120,6 +126,7 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
         _text(scenario.main.__globals__["__doc__"], names),
         f"![{_title(name)}]({name}.png)",
         *([_frame(f"{name}.motion.html", "The first of its simulations, to be dragged and zoomed.")] if motion else []),
+        *([f"[A lesson on it](../lessons/{name}.md), with a question and a live page."] if name in lessons() else []),
         *([_links("Live, to be tried out", mechanisms(scenario.path))] if mechanisms(scenario.path) else []),
         _table(rows),
         *([_of_the_texts(name)] if _of_the_texts(name) else []),
@@ -127,6 +134,8 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
         f"```{{literalinclude}} {source}\n:language: python\n```",
     ]
     (pages / f"{name}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
+    if name in lessons():
+        write_lesson(name, _table(rows), pages.parent / "lessons", shown.parent / "lessons")
     return Entry(name, scenario.claim, "")
 
 
@@ -134,6 +143,41 @@ def write_live(name: str, folder: Path) -> Entry:
     """Write the live page of a mechanism."""
     show(name, folder / f"{name}.html")
     return Entry(name, "", "")
+
+
+def write_swing(folder: Path) -> Entry:
+    """Write the swing of the first page."""
+    show("Pendulum", folder / "swing.html", theta_0=0.3, controls=["length"], plots=[])
+    return Entry("swing", "", "")
+
+
+def write_lesson(name: str, verdicts: str, pages: Path, shown: Path) -> None:
+    """Write the lesson of a scenario: question, prediction, live page, answer, verdicts, equations.
+
+    :param verdicts: their table, in Markdown.
+    """
+    taught = load_lesson(name)
+    taught.show(shown / f"{name}.live.html")
+    with ZipFile(fmu_path(taught.subject)) as archive:
+        page = archive.read("documentation/index.html").decode()
+    equations = re.findall(r"<div class=equations>.*?</div>", page, re.DOTALL)
+    text = [
+        f"# {_title(name)}",
+        f"**{_escaped(taught.question)}**",
+        f"## Predict\n\n{_escaped(taught.predict)}",
+        f"## Try it\n\n{_escaped(taught.try_out)}",
+        f'<iframe class="lesson" src="{name}.live.html" title="{escape(taught.question)}"></iframe>',
+        f'<p><a href="{name}.live.html">On a page of its own</a></p>',
+        "## Compare\n\n<details><summary>What comes out</summary>",
+        _escaped(taught.answer),
+        f"![{_title(name)}](../gallery/{name}.png)\n\n</details>",
+        f"Each claim beside its error, from simulated FMUs ([the scenario](../gallery/{name}.md)):",
+        verdicts,
+        "## Equations",
+        f'```{{raw}} html\n<div class="component">\n{chr(10).join(equations)}\n</div>\n```',
+        f"Of [{taught.subject}](../catalogue/{taught.subject}.md).  `liaisons show {name}` opens the live page.",
+    ]
+    (pages / f"{name}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
 
 
 def _done(task: Any) -> str:
@@ -163,6 +207,21 @@ def _index(entries: list[Entry], live: list[str]) -> str:
         name for names in THEMES.values() for name in names if any(entry.name == name for entry in entries)
     )
     return "\n\n".join([*parts, _links("Every mechanism, live", live), f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"])
+
+
+def lesson_index(names: list[str]) -> str:
+    """The page of all lessons."""
+    cards = "\n".join(
+        f'<a href="{name}.html"><img src="../gallery/{name}.png" alt="" loading="lazy">'
+        f"<b>{_title(name)}</b> {escape(load_lesson(name).question)}</a>"
+        for name in names
+    )
+    pages = "\n".join(names)
+    shown = f'<div class="gallery">\n{cards}\n</div>\n\n```{{toctree}}\n:hidden:\n\n{pages}\n```\n' if names else ""
+    return (
+        "# Lessons\n\nOne question each: predict, try it on the live page, compare with the claims and their errors.  "
+        f"[Write your own](../howto/write-a-scenario.md#lessons): a few words beside a scenario.\n\n{shown}"
+    )
 
 
 def _card(entry: Entry) -> str:

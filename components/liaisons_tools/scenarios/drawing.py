@@ -17,6 +17,8 @@ _WIDTH = 5.2
 """Width of a panel [in]."""
 _HEIGHT = 4.0
 """Height of a panel [in]."""
+_SMALL = 0.55
+"""Size of the panel of a thumbnail, relative to that in the figure: its words stay as large."""
 
 
 def panels(
@@ -91,3 +93,20 @@ def save(path: Path) -> None:
         figure.savefig(
             whole, format=path.suffix[1:], dpi=150, bbox_inches="tight"
         )  # with legends below axes of equal aspect
+
+
+def save_panel(path: Path, number: int) -> None:
+    """Write one panel of the scenario's figure to a file, small, without title and legend."""
+    import matplotlib.pyplot as plt
+
+    figure = plt.gcf()
+    for axis in figure.axes:
+        axis.set_title("")
+        if legend := axis.get_legend():
+            legend.remove()
+    figure.legends.clear()
+    figure.set_size_inches(_SMALL * figure.get_size_inches())
+    figure.draw_without_rendering()
+    box = figure.axes[number].get_tightbbox().transformed(figure.dpi_scale_trans.inverted())
+    with replacement_path(path) as whole:
+        figure.savefig(whole, format=path.suffix[1:], dpi=150, bbox_inches=box.padded(0.05))

@@ -17,7 +17,7 @@ from liaisons.check import table
 from liaisons.errors import suggestion
 from liaisons.scenario_files import figures_directory, scenario_files
 from liaisons_tools.scenarios.claims import Claims
-from liaisons_tools.scenarios.drawing import save
+from liaisons_tools.scenarios.drawing import save, save_panel
 
 
 @final
@@ -103,10 +103,18 @@ def load(target: str) -> Scenario:
     raise ProjectError(f"{path} is no scenario: put @scenario before its main(claim)")
 
 
-def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
+def execute(
+    scenario: Scenario,
+    figures: Path | None = None,
+    *,
+    thumbnail: Path | None = None,
+    panel: int = 0,
+    debug: bool = False,
+) -> Outcome:
     """Run a scenario, write its figure, and return its outcome.
 
     :param figures: directory for the figure; :func:`liaisons.base.project.figures_directory` unless given.
+    :param thumbnail: file for one panel of the figure alone, and ``panel`` its number; None: none is written.
     :param debug: let errors of the scenario through instead of putting them into the outcome.
     """
     import matplotlib.pyplot as plt
@@ -118,6 +126,8 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
     try:
         scenario.main(claims)
         save(figure)
+        if thumbnail is not None:
+            save_panel(thumbnail, panel)
         reason = "" if claims.verdicts else f"{scenario.path} claims nothing"
     except Exception as error:
         if debug:

@@ -53,7 +53,7 @@ class Page {
     this.#controls();
     this.#choices();
     this.reset();
-    this.unknown = this.#follow(new URLSearchParams(location.hash.slice(1)));
+    this.unknown = this.#follow(new URLSearchParams(location.hash.slice(1) || location.search));
     this.#tell();
     addEventListener("hashchange", () => location.reload());
     requestAnimationFrame((now) => this.#frame(now));
