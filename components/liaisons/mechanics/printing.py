@@ -149,14 +149,29 @@ def _hamiltonian_equations(equations: Equations) -> tuple[Equation, ...]:
     p = ca.vertcat(m.free.p, stack(ca.SX.sym(f"p_{s.name}") for s in m.actives))
     still = at_zero(ca.vertcat(momenta, L), rates)
     moving = p - still[:-1]
-    solved = solve_symmetric(metric, moving)
+    solved, kinetic = _rates_and_energy(metric, moving, m.free.q.shape[0])
     pulled = ca.substitute(gradient(L, x), rates, solved)  # -∂H/∂x by Legendre's transformation
     applied = equations.applied_forces + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
-        Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
+        Equation("hamiltonian", "H", kinetic - still[-1]),
         *row_equations("canonical", [suffixed_name(name, "_dot") for name in names], solved),
         *row_equations("canonical", [suffixed_name(f"p_{name}", "_dot") for name in names], pulled + applied),
     )
+
+
+def _rates_and_energy(metric: ca.SX, p: ca.SX, count: int) -> tuple[ca.SX, ca.SX]:
+    """Rates A⁻¹ p and ½ pᵀ A⁻¹ p; of one prescribed coordinate by its effective mass, a symbol Θ (M eq. 50).
+
+    :param count: number of free coordinates, which come first.
+    """
+    if not 0 < count == metric.shape[0] - 1:
+        solved = solve_symmetric(metric, p)
+        return solved, ca.dot(solved, p) / 2
+    A, B, free = metric[:count, :count], metric[:count, count], p[:count]
+    left, alone = p[count] - ca.dot(solve_symmetric(A, B), free), solve_symmetric(A, free)
+    theta = ca.SX.sym("Theta")
+    rate = left / theta
+    return ca.vertcat(solve_symmetric(A, free - B * rate), rate), ca.dot(alone, free) / 2 + left**2 / (2 * theta)
 
 
 def _generic_rank(matrix: ca.SX) -> int:

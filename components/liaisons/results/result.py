@@ -126,6 +126,9 @@ class Result(LabelledSignals):
         over: str | None = None,
         axes: Axes | None = None,
         path: Path | str | None = None,
+        labels: Mapping[str, str] | None = None,
+        title: str | None = None,
+        width: float | None = None,
     ) -> Figure:
         """Draw signals, those of one unit in one diagram.
 
@@ -139,13 +142,17 @@ class Result(LabelledSignals):
         :param axes: Matplotlib's axes to draw into, signals of one unit or one map, beside what is there already; else
             a new figure.
         :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
-            and elsewhere ``matplotlib.pyplot.show`` shows it.
-        :raises SimulationError: if a name is unknown, the signals need more than the axes, or the file cannot be
-            written.
+            and elsewhere ``matplotlib.pyplot.show`` shows it.  ``.pdf`` and ``.svg`` are drawn as lines.
+        :param labels: what stands for a name, ``{"theta": "θ", "time": "t"}``; a signal that is alone in its diagram
+            has it at the axis instead of a legend.
+        :param title: of the figure; "" for none.
+        :param width: of the figure [m], 0.085 for one column of a paper: letters of 8 pt, legends inside.
+        :raises SimulationError: if a name is unknown, the width is not positive, the signals need more than the axes,
+            or the file cannot be written.
         """
         chosen = [name for group in names for name in name_list("plot", group)]
         file = None if path is None else as_path("plot: path", path)
-        return liaisons.pictures.plot(self, chosen, over, file, axes)
+        return liaisons.pictures.plot(self, chosen, over, file, axes, labels=labels, title=title, width=width)
 
     def animate(
         self,

@@ -50,6 +50,8 @@ class LaTeX(Printer):
 
 def _latex_character(character: str) -> str:
     """Return a character in LaTeX: a Greek letter as its command, any other one as it is."""
+    if character == "Σ":
+        return r"\sum "
     words = unicodedata.name(character).replace("LAMDA", "LAMBDA").split()
     if words[0] != "GREEK" or len(words) != 4 or words[3] == "OMICRON":
         return character

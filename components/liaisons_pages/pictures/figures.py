@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.base.arguments import shown
+from liaisons.base.arguments import name_dictionary, shown
 from liaisons.base.array_names import array_and_index
 from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
@@ -41,6 +41,8 @@ _CHANGING_MARGIN = 20
 """How far other signals that change may lie outside the range of the first ones, in heights of that range."""
 _STILL_MARGIN = 1 / 2
 """The same for signals that do not change."""
+_SMALL_PRINT = 8
+"""Size of letters in a figure whose width is given [pt]."""
 _ROUNDING = 1e-9
 """Largest rounding error, relative to the largest value of a unit, or to 1 for angles and numbers without unit."""
 
@@ -64,32 +66,66 @@ def default_names(signals: Curves, units: Mapping[str, str], ports: Mapping[str,
     return chosen or [name for name in signals if _magnitude(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def plot(result: Result, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None) -> Figure:
+def plot(
+    result: Result,
+    names: Sequence[str],
+    over: str | None,
+    path: Path | None,
+    axes: Axes | None = None,
+    *,
+    labels: Mapping[str, str] | None = None,
+    title: str | None = None,
+    width: float | None = None,
+) -> Figure:
     """Draw a diagram for each unit; of a sweep on a grid of two values, a map of each signal.
 
     :param names: what to draw; if empty, what :func:`default_names` chooses, or the first maps.
     :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
     :param path: file of the figure, which pyplot does not know then.
     :param axes: where to draw the only diagram; None: in a new figure.
-    :raises SimulationError: if ``over`` and a signal have different shapes, ``axes`` are no ``Axes`` or one diagram is
-        not enough, or the file cannot be written.
+    :param labels: what stands for names of signals and of the horizontal axis.
+    :param title: that of the result unless given.
+    :param width: of the figure [m]; None: 10 inches, with legends beside the diagrams.
+    :raises SimulationError: for labels of what is not there, or a width that is not positive; if ``over`` and a signal
+        have different shapes, ``axes`` are no ``Axes`` or one diagram is not enough, or the file cannot be written.
     """
-    subplots = partial(_subplots, result.title, axes, in_pyplot=path is None)
+    if width is not None and not 0 < width < math.inf:
+        raise SimulationError(f"plot: width = {shown(width)}: give metres, 0.085 for one column")
+    words = dict(name_dictionary("plot: labels", labels or {}, SimulationError))
+    for name in words.keys() - result.index.keys():
+        result.numbers(name)  # raises if it is unknown
+    subplots = partial(_subplots, result.title if title is None else title, axes, in_pyplot=path is None, width=width)
     grid = _sweep_grid(result) if over is None else None
     if grid is None:
-        diagrams = _draw_diagrams(result, names, over, subplots, legend_outside=axes is None)
+        diagrams = _draw_diagrams(result, names, over, subplots, words, legend_outside=axes is None and width is None)
     else:
-        diagrams = _draw_maps(result, names, grid, subplots)
+        diagrams = _draw_maps(result, names, grid, subplots, words)
     figure = diagrams[0].figure.canvas.figure
+    if width is not None:
+        for diagram in figure.axes:
+            diagram.tick_params(labelsize=_SMALL_PRINT)
+            legend = diagram.get_legend()
+            inside = legend.get_texts() if legend else []
+            for text in (diagram.title, diagram.xaxis.label, diagram.yaxis.label, *inside):
+                text.set_fontsize(_SMALL_PRINT)
     if path is not None:
         save_figure(figure, path)
     return figure
 
 
 def _draw_diagrams(
-    result: Result, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
+    result: Result,
+    names: Sequence[str],
+    over: str | None,
+    subplots: _Subplots,
+    words: Mapping[str, str],
+    *,
+    legend_outside: bool,
 ) -> Sequence[Axes]:
-    """Draw a diagram for each unit; returns its axes."""
+    """Draw a diagram for each unit; returns its axes.
+
+    :param words: what stands for a name.
+    """
     timed = result.kind != "sweep"
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
@@ -104,7 +140,7 @@ def _draw_diagrams(
     else:
         label, x = over, result.numbers(over)
     unit = "s" if label == "time" else result.units.get(label)
-    label = f"{label} [{unit}]" if unit else label
+    label = f"{words.get(label, label)} [{unit}]" if unit else words.get(label, label)
     joined = timed or over is not None
     diagrams = subplots([result.label(group[0]) for group in groups.values()], 1)
     for diagram, ((unit, text), group) in zip(diagrams, groups.items(), strict=False):
@@ -114,13 +150,15 @@ def _draw_diagrams(
             style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
             if timed and result.element(name) in result.jumping:
                 style["drawstyle"] = "steps-post"
-            _draw_curves(diagram, name, x, signals[name], style)
-        diagram.set_ylabel(f"[{unit}]" if unit else "")
+            _draw_curves(diagram, words.get(name, name), x, signals[name], style)
+        alone = words.get(group[0], "") if len(group) == 1 else ""
+        diagram.set_ylabel(f"{alone} [{unit}]".lstrip() if unit else alone)
         if text:
             texts = result.texts[result.element(text)]
             diagram.set_yticks(range(len(texts)), texts)
         outside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.05)} if legend_outside else {}
-        diagram.legend(**outside, frameon=False, fontsize="small")
+        if not alone:
+            diagram.legend(**outside, frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)
     diagrams[-1].set_xlabel(label)
@@ -139,7 +177,9 @@ def _sweep_grid(result: Result) -> _Grid | None:
     return (x, y, cases) if cases.min() == 0 else None
 
 
-def _draw_maps(result: Result, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
+def _draw_maps(
+    result: Result, names: Sequence[str], grid: _Grid, subplots: _Subplots, words: Mapping[str, str]
+) -> Sequence[Axes]:
     """Draw a map of each signal over the grid of a sweep, blank in failed cases; returns its axes."""
     for name in names:
         result.numbers(name)  # raises if it is unknown
@@ -151,20 +191,27 @@ def _draw_maps(result: Result, names: Sequence[str], grid: _Grid, subplots: _Sub
     diagrams = subplots(chosen, math.ceil(math.sqrt(len(chosen))))
     for diagram, name in zip(diagrams, chosen, strict=True):
         mesh = diagram.pcolormesh(x, y, result.numbers(name)[cases], rasterized=True)
-        bar = diagram.figure.colorbar(mesh, ax=diagram, label=result.label(name))
+        bar = diagram.figure.colorbar(mesh, ax=diagram, label=words.get(name, result.label(name)))
         if texts := result.texts.get(name):
             bar.set_ticks(range(len(texts)), labels=texts)
-        diagram.set(xlabel=result.label(result.names[0]), ylabel=result.label(result.names[1]))
+        xlabel, ylabel = (words.get(name, result.label(name)) for name in result.names[:2])
+        diagram.set(xlabel=xlabel, ylabel=ylabel)
     return diagrams
 
 
-def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, in_pyplot: bool) -> Sequence[Axes]:
+def _subplots(
+    title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, in_pyplot: bool, width: float | None
+) -> Sequence[Axes]:
     """Axes for each group of signals: of a new figure, or those that are given for a single group."""
     if axes is None:
         count = max(1, len(groups))
         rows = math.ceil(count / columns)
         figure = new_figure(in_pyplot=in_pyplot)
-        figure.set_size_inches(10.0, 1.0 + max(3.0, (1.6 if columns == 1 else 3.0) * rows))
+        if width is None:
+            figure.set_size_inches(10.0, 1.0 + max(3.0, (1.6 if columns == 1 else 3.0) * rows))
+        else:
+            inches = width / 0.0254
+            figure.set_size_inches(inches, inches * max(0.62, 0.4 * rows))
         diagrams = figure.subplots(rows, columns, sharex=columns == 1, squeeze=False).ravel().tolist()
         if columns == 1:
             diagrams[0].set_title(title)

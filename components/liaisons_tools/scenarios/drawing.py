@@ -100,13 +100,15 @@ def save_panel(path: Path, number: int) -> None:
     import matplotlib.pyplot as plt
 
     figure = plt.gcf()
+    panel = figure.axes[number]
     for axis in figure.axes:
         axis.set_title("")
+        axis.set_visible(axis is panel or axis.get_subplotspec() is None)  # a bar of colours has none
         if legend := axis.get_legend():
             legend.remove()
     figure.legends.clear()
     figure.set_size_inches(_SMALL * figure.get_size_inches())
     figure.draw_without_rendering()
-    box = figure.axes[number].get_tightbbox().transformed(figure.dpi_scale_trans.inverted())
+    box = panel.get_tightbbox().transformed(figure.dpi_scale_trans.inverted())
     with replacement_path(path) as whole:
         figure.savefig(whole, format=path.suffix[1:], dpi=150, bbox_inches=box.padded(0.05))

@@ -361,6 +361,38 @@ def test_plot_to_a_file_of_unknown_kind(result: Result, tmp_path: Path, suffix: 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("suffix", [".pdf", ".svg"])
+def test_a_figure_for_a_lecture(result: Result, tmp_path: Path, suffix: str) -> None:
+    name = result.names[0]
+    labels = {name: "angle", "time": "instant"}
+    path = tmp_path / f"figure{suffix}"
+    figure = result.plot(name, labels=labels, title="A swing", width=0.085, path=path)
+    (diagram,) = figure.axes
+    unit = result.units[name]
+    assert diagram.get_ylabel() == (f"angle [{unit}]" if unit else "angle")
+    assert (diagram.get_xlabel(), diagram.get_title()) == ("instant [s]", "A swing")
+    assert diagram.get_legend() is None
+    assert figure.get_figwidth() * 0.0254 == pytest.approx(0.085)
+    assert {text.get_fontsize() for text in (diagram.title, diagram.yaxis.label, *diagram.get_xticklabels())} == {8}
+    content = path.read_bytes()
+    if suffix == ".pdf":
+        box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ", content)
+        assert box is not None
+        assert float(box[1]) == pytest.approx(0.085 / 0.0254 * 72, abs=0.01)  # points
+    else:
+        assert b"<svg" in content
+    two = result.plot(list(result.names[:2]), labels={name: "angle"}, width=0.085).axes
+    texts = [text.get_text() for axes in two if (legend := axes.get_legend()) for text in legend.get_texts()]
+    assert "angle" in [*texts, *(axes.get_ylabel().partition(" ")[0] for axes in two)]
+
+
+def test_what_a_plot_cannot_do_is_said(result: Result) -> None:
+    with pytest.raises(SimulationError, match="plot: width = -1: give metres"):
+        result.plot(width=-1)
+    with pytest.raises(SimulationError, match="nobody"):
+        result.plot(labels={"nobody": "x"})
+
+
 def test_plot_draws_what_matters(tmp_path: Path) -> None:
     """A pendulum with all its variables: what stays 0, copies and what nobody asked for are left out."""
     t = np.linspace(0, 10, 201)

@@ -24,6 +24,7 @@ from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
     ChargedParticle,
+    CircularHoop,
     DoublePendulum,
     EllipticHoop,
     Flywheel,
@@ -271,6 +272,8 @@ def test_canonical_equations_follow_from_the_hamiltonian_and_it_from_the_lagrang
     values = values_at_a_state(component, 3)
     momenta = {f"p_{name}": number(sympy, sympy.diff(L, symbol[f"{name}_dot"]), values) for name in names}
     values |= momenta
+    masses = shown["effective_mass"].sympy() if "effective_mass" in shown.parts else []
+    values |= {str(e.lhs): number(sympy, e.rhs, values) for e in masses}  # by which H is written
     Legendre = sum(momenta[f"p_{name}"] * values[f"{name}_dot"] for name in names) - number(sympy, L, values)
     assert number(sympy, H, values) == pytest.approx(Legendre, rel=1e-10)
     for name in names:
@@ -279,6 +282,14 @@ def test_canonical_equations_follow_from_the_hamiltonian_and_it_from_the_lagrang
         assert number(sympy, rows[f"{name}_dot"], values) == pytest.approx(by_p, rel=1e-9)
     for q in component.coordinates:  # with drives, loads and friction, as the FMU has it
         assert number(sympy, rows[f"p_{q.name}_dot"], values) == pytest.approx(values[f"p_{q.name}_dot"], rel=1e-9)
+
+
+def test_the_hamiltonian_of_a_hoop_shows_its_effective_mass_and_sums_are_operators_in_latex() -> None:
+    shown = displayed(CircularHoop)
+    assert "H = p_ξ²/(2 m) + (p_ξ (R + d cos(ξ/R)) − pᵦ)²/(2 Θ)" in shown["hamiltonian"].text(200)
+    latex = shown["hamiltonian"].latex()
+    assert r"\sum p_{k}" in latex
+    assert r"\Sigma" not in latex
 
 
 def test_numbers_of_sympy_are_those_of_the_fmu_on_the_constraints() -> None:
