@@ -41,6 +41,24 @@ def test_a_page_says_and_shows_what_the_scenario_does(gallery: ModuleType, tmp_p
         )
 
 
+@pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+def test_a_lesson_has_question_prediction_page_answer_verdict_and_equations(
+    gallery: ModuleType, tmp_path: Path
+) -> None:
+    gallery.write_lesson("pumped_swing", "| the verdicts |", tmp_path, tmp_path)
+    taught = gallery.load_lesson("pumped_swing")
+    text = (tmp_path / "pumped_swing.md").read_text(encoding="utf-8")
+    said = (taught.question, taught.predict, taught.try_out, "pumped_swing.live.html", taught.answer)
+    order = [text.index(gallery._escaped(part)) for part in said[:3]]
+    order += [text.index(said[3]), text.index(gallery._escaped(said[4]))]
+    order += [text.index(part) for part in ("| the verdicts |", "## Equations", "<math")]
+    assert order == sorted(order)
+    assert taught.question in (tmp_path / "pumped_swing.live.html").read_text(encoding="utf-8")
+    index = gallery.lesson_index(["pumped_swing"])
+    assert '<a href="pumped_swing.html"><img src="../gallery/pumped_swing.png" alt="" loading="lazy">' in index
+    assert "toctree" not in gallery.lesson_index([])
+
+
 def test_each_scenario_has_one_place(gallery: ModuleType) -> None:
     names = [name for theme in gallery.THEMES.values() for name in theme]
     assert sorted(names) == sorted(scenario_files())

@@ -100,14 +100,15 @@ def save_panel(path: Path, number: int) -> None:
     import matplotlib.pyplot as plt
 
     figure = plt.gcf()
-    panel = figure.axes[number]
+    panel: Any = figure.axes[number]
+    width, height = figure.get_size_inches()
     for axis in figure.axes:
         axis.set_title("")
         axis.set_visible(axis is panel or axis.get_subplotspec() is None)  # a bar of colours has none
         if legend := axis.get_legend():
             legend.remove()
     figure.legends.clear()
-    figure.set_size_inches(_SMALL * figure.get_size_inches())
+    figure.set_size_inches(_SMALL * width, _SMALL * height)
     figure.draw_without_rendering()
     box = panel.get_tightbbox().transformed(figure.dpi_scale_trans.inverted())
     with replacement_path(path) as whole:
