@@ -356,6 +356,46 @@ class ThrownBox(Mechanism):
         return self.dot(self.x - self.belt)
 
 
+class SlidBox(Mechanism):
+    """Box that falls onto a floor, and rubs on it while it is thrown back."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    drag = Parameter(0.2, "1", "coefficient of friction", minimum=0)
+    gravity = Gravity()
+    x = Coordinate("m", "position of the box")
+    z = Coordinate("m", "height of the box", start=0.3)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z})
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    @unilateral("m", "distance of box and floor", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.z
+
+    @dry_friction("m/s", "sliding of the box", static="drag", sliding="drag", normal="gap")
+    def slip(self) -> ca.SX:
+        return self.dot(self.x)
+
+
+def test_friction_brakes_by_the_impulse_of_an_impact() -> None:
+    """By μ (1 + e) g τ at the instant τ; before and behind it nothing does."""
+    at, times = {"drag": 0.2, "bounce": 0.5, "z_0": 0.3, "x_dot_0": 3.0}, [0.2, 0.4]
+    s = sensitivities(SlidBox, list(at), times=times, record="x", start_values=at)
+
+    def position(t: float, *, drag: Any, bounce: Any, z_0: Any, x_dot_0: Any) -> Any:
+        struck = mp.sqrt(2 * z_0 / mp.mpf(9.81))
+        braked = drag * (1 + bounce) * mp.mpf(9.81) * struck
+        return x_dot_0 * t - (braked * (t - struck) if t > struck else 0)
+
+    for by in at:
+        exact = [slopes(lambda t=t, **x: position(t, **x), at, by) for t in times]
+        np.testing.assert_allclose(s.derivative("x", by), exact, rtol=1e-10, atol=1e-12)
+
+
 THROWN = {"bounce": 0.5, "grip": 0.3, "drag": 0.25, "mass": 2.0, "x_dot_0": 1.0, "z_0": 0.3}
 SWUNG = {"mu_static": 0.3, "mu_sliding": 0.2, "belt_dot": 0.2, "x_0": -0.1}
 ROWS = {"mass": (1.0, 2.0, 0.5), "x_0": (0.1, 1.0, 1.5), "x_dot_0": (1.0, 0.1, 0.2)}
