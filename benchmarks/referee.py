@@ -30,27 +30,29 @@ ASKED = {"motion": 1e-10, "force": 1e-9, "work": 1e-9}  # of ours
 def measure(quick: bool, plots: Path) -> list[Row]:
     folder = plots / "referee"
     folder.mkdir(exist_ok=True)
-    cells: dict[str, list[dict[str, Any]]] = {}
+    cells: dict[str, dict[str, dict[str, Any]]] = {}  # of ways and tasks
     for engine in ENGINES:
         words = [sys.executable, "-m", "referee.run", engine, str(folder), *["--quick"] * quick]
         subprocess.run(words, cwd=HERE, check=False)
         path = folder / f"{engine}.json"
         for task, found in json.loads(path.read_text(encoding="utf-8")).items() if path.exists() else ():
-            cells.setdefault(task, []).extend(found)
-    for task, found in cells.items():
-        _plot(task, found, plots / f"referee_{task.replace(' ', '_')}.png")
-    (plots / "referee_errors.md").write_text(_table(cells), encoding="utf-8")
+            for cell in found:
+                cells.setdefault(f"{cell['engine']}: {cell['way']}", {})[task] = cell
+    tasks = next(iter(cells.values()))
+    for task in tasks:
+        _plot(task, [column[task] for column in cells.values() if task in column], plots)
+    (plots / "referee_errors.md").write_text(_tables(cells, [*tasks]), encoding="utf-8")
     references = json.loads((folder / "references.json").read_text(encoding="utf-8"))
     rows = [
         Row("References, relative", f"{task}: {name}", value, "")
         for task, kept in references.items()
         for name, value in kept["checks"].items()
     ]
-    return rows + [row for task, found in cells.items() for cell in found for row in _rows(task, cell)]
+    return rows + [row for task in tasks for column in cells.values() if task in column for row in _rows(column[task])]
 
 
-def _rows(task: str, cell: dict[str, Any]) -> list[Row]:
-    case, points = f"{cell['engine']}: {cell['way']}", cell["points"]
+def _rows(cell: dict[str, Any]) -> list[Row]:
+    task, case, points = cell["task"], f"{cell['engine']}: {cell['way']}", cell["points"]
     if not points:
         return [Row(task, case, math.nan, "", remark=cell["refused"])]
     last, ours = points[-1], cell["engine"] == "liaisons"
@@ -81,21 +83,28 @@ def _error(value: float | None) -> str:
     return "–" if value is None else "lost" if value > 1e3 else f"{value:.0e}".replace("e-0", "e-").replace("e+00", "")
 
 
-def _table(cells: dict[str, list[dict[str, Any]]]) -> str:
-    """Way × task at the smallest step: errors of motion, force and work; ways downwards, since a page is narrow."""
-    ways = [f"{cell['engine']}: {cell['way']}" for cell in next(iter(cells.values()))]
-    lines = [["errors of motion / force / work", *cells], ["---"] * (len(cells) + 1)]
-    for k, way in enumerate(ways):
-        column = [found[k] for found in cells.values()]
-        lines.append([way, *(_cell(cell) for cell in column)])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+def _tables(cells: dict[str, dict[str, dict[str, Any]]], tasks: list[str]) -> str:
+    """Motion, force and work by way and task, at the smallest step; time as a ratio, the median of tasks."""
+    text = ""
+    for k, kind in enumerate(ASKED):
+        lines = [[f"error of {kind}", *tasks, "time"], ["---"] * (len(tasks) + 2)]
+        for way, column in cells.items():
+            points = [cell["points"][-1] for cell in column.values() if cell["points"]]
+            ratios = [float(np.median(point["ratios"])) for point in points]
+            low, high = quartiles(ratios) or (math.nan,) * 2
+            time = f"{number(round(float(np.median(ratios)), 1))} ({low:.1f} .. {high:.1f})"
+            lines.append([way, *(_cell(column.get(task), k) for task in tasks), time])
+        text += "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n\n"
+    return text
 
 
-def _cell(cell: dict[str, Any]) -> str:
-    return " / ".join(map(_error, cell["points"][-1]["errors"])) if cell["points"] else cell["refused"]
+def _cell(cell: dict[str, Any] | None, kind: int) -> str:
+    if cell is None:
+        return "not measured"
+    return _error(cell["points"][-1]["errors"][kind]) if cell["points"] else cell["refused"]
 
 
-def _plot(task: str, cells: Sequence[dict[str, Any]], path: Path) -> None:
+def _plot(task: str, cells: Sequence[dict[str, Any]], folder: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), sharex=True, layout="constrained")
     for cell in cells:
         times = [point["seconds"] for point in cell["points"]]
@@ -106,7 +115,7 @@ def _plot(task: str, cells: Sequence[dict[str, Any]], path: Path) -> None:
     for kind, axis in zip(ASKED, axes, strict=True):
         axis.set(title=f"{task}: {kind}", xlabel="processor time [s]", ylabel="error, relative")
     figure.legend(loc="outside right center", fontsize="small")
-    figure.savefig(path, dpi=80)
+    figure.savefig(folder / f"referee_{task.replace(' ', '_')}.png", dpi=60)
     plt.close(figure)
 
 

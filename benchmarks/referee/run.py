@@ -20,7 +20,7 @@ from referee.task import Answer, Task
 from referee.tasks import TASKS
 from referee.way import CannotError, Run, Way
 
-ROUNDS = 3
+ROUNDS = 3  # at the smallest step
 
 
 def main(engine: str, folder: str, *options: str) -> None:
@@ -31,9 +31,11 @@ def main(engine: str, folder: str, *options: str) -> None:
         raise SystemExit(f"without {engine}: {error}") from None
     found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     for task in TASKS:
-        if task.name not in found:
+        kept = {cell["way"]: cell for cell in found.get(task.name, ())}
+        if missing := [way for way in ways if way.name not in kept]:
             reference = _reference(task, Path(folder) / "references.json")
-            found[task.name] = [cell(task, way, reference, quick=quick) for way in ways]
+            kept |= {way.name: cell(task, way, reference, quick=quick) for way in missing}
+            found[task.name] = [kept[way.name] for way in ways]
             path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
             print(f"{engine}: {task.name}", file=sys.stderr, flush=True)
 
@@ -52,13 +54,20 @@ def cell(task: Task, way: Way, reference: Answer, *, quick: bool) -> dict[str, A
             break
         (best, setting), refused = min(found, key=lambda run: run[0].answer.errors(reference)[0] or 0.0), ""
         seconds, beside = [best.seconds], [ours.by_fmpy(task, step).seconds]
-        for _ in range(0 if quick else ROUNDS - 1):
+        for _ in range(ROUNDS - 1 if step == way.steps[-1] else 0):
             seconds.append(way.run(task, step, **setting).seconds)
             beside.append(ours.by_fmpy(task, step).seconds)
         ratios = [a / b for a, b in zip(seconds, beside, strict=True)]
         errors = best.answer.errors(reference)
         points.append({"step": step, "setting": setting, "errors": errors, "seconds": seconds[0], "ratios": ratios})
-    return {"engine": way.engine, "way": way.name, "page": way.page, "refused": refused, "points": points}
+    return {
+        "task": task.name,
+        "engine": way.engine,
+        "way": way.name,
+        "page": way.page,
+        "refused": refused,
+        "points": points,
+    }
 
 
 def _reference(task: Task, path: Path) -> Answer:

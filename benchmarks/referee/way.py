@@ -40,7 +40,7 @@ class Way:
     page: str
     run: Callable[..., Run]
     settings: Sequence[Mapping[str, Any]] = ({},)
-    steps: Sequence[float] = (1e-2, 5e-3, 2.5e-3, 1.25e-3)
+    steps: Sequence[float] = (2e-2, 1e-2, 5e-3, 2.5e-3)
 
 
 class Places:

@@ -100,6 +100,6 @@ WAYS = (
         "implicit PD",
         f"{PAGE}#pd_controllers",
         controlled,
-        [{"stiffness": s, "damping": d} for s in (1.0, 1e3) for d in (1.0, 1e3)],
+        [{"stiffness": s, "damping": 1e3} for s in (1.0, 1e3)],
     ),
 )

@@ -181,6 +181,6 @@ WAYS = (
         "stiff spring",
         f"{PAGE}SpringDamper.html",
         moved,
-        [{"radius": r, "stiffness": k} for r in (0.6, 0.9) for k in (0.1, 1e3)],
+        [{"radius": 0.6, "stiffness": k} for k in (0.1, 1e3)],
     ),
 )

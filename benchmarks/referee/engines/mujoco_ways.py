@@ -19,9 +19,10 @@ INTEGRATORS = {"Euler": 0, "RK4": 1, "implicitfast": 3}
 class _Model:
     """A task in MuJoCo at its start."""
 
-    def __init__(self, task: Task, step: float, integrator: str, more: str = "") -> None:
+    def __init__(self, task: Task, step: float, integrator: str, more: str = "", hand: str = "") -> None:
         self.task, self.step = task, step
-        self.model: Any = mujoco.MjModel.from_xml_string(task.mjcf(more))
+        text = task.mjcf(more).replace("</worldbody>", f"{hand}</worldbody>")
+        self.model: Any = mujoco.MjModel.from_xml_string(text)
         self.model.opt.timestep, self.model.opt.integrator = step, INTEGRATORS[integrator]
         self.data: Any = mujoco.MjData(self.model)
         names = [self.model.joint(k).name for k in range(self.model.njnt)]
@@ -76,6 +77,25 @@ def equality(task: Task, step: float, time_constant: float, integrator: str) -> 
     return it.march(aim, lambda: it.data.qfrc_constraint[it.places.rows])
 
 
+def mocap(task: Task, step: float, time_constant: float) -> Run:
+    """A body that is moved without dynamics, and the prescribed one welded to it."""
+    rest = _Model(task, step, "Euler").model
+    joint = rest.joint(next(iter(task.motions)))
+    if rest.body_parentid[joint.bodyid[0]] or len(task.motions) > 1:
+        raise CannotError("moves a body in space, no joint between bodies")
+    weld = f'<weld body1="hand" body2="{rest.body(joint.bodyid[0]).name}" solref="{time_constant * step} 1"/>'
+    it = _Model(task, step, "Euler", f"<equality>{weld}</equality>", '<body name="hand" mocap="true"/>')
+
+    def move(t: float) -> None:
+        sigma = task.sigma(t)[0, 0]
+        if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE:
+            it.data.mocap_pos[0] = sigma * joint.axis
+        else:
+            mujoco.mju_axisAngle2Quat(it.data.mocap_quat[0], joint.axis, sigma)
+
+    return it.march(move, lambda: it.data.qfrc_constraint[it.places.rows])
+
+
 def operated(task: Task, step: float) -> Run:
     """``liaisons.MujocoOperator``: the exact force, with Runge and Kutta's rule."""
     it = _Model(task, step, "RK4")
@@ -120,6 +140,13 @@ WAYS = (
         f"{PAGE}XMLreference.html#equality-joint",
         equality,
         [{"time_constant": c, "integrator": i} for c in (2.0, 5.0) for i in ("Euler", "RK4")],
+    ),
+    Way(
+        "mujoco",
+        "mocap and weld",
+        f"{PAGE}modeling.html#mocap-bodies",
+        mocap,
+        [{"time_constant": c} for c in (2.0, 5.0)],
     ),
     Way("mujoco", "MujocoOperator", "docs/reference/api.md", operated),
 )

@@ -81,8 +81,8 @@ def targeted(task: Task, step: float, stiffness: float) -> Run:
     return it.march(lambda t: it.write(*wanted, it.places.move, t + step))
 
 
-PAGE = "https://newton-physics.github.io/newton/latest/concepts/articulations.html"
+PAGE = "https://newton-physics.github.io/newton/latest/"
 WAYS = (
-    Way("newton", "kinematic body", PAGE, kinematic),
-    Way("newton", "joint target", PAGE, targeted, [{"stiffness": s} for s in (0.01, 0.1, 1.0)]),
+    Way("newton", "kinematic body", f"{PAGE}concepts/articulations.html#kinematic-links", kinematic),
+    Way("newton", "joint target", f"{PAGE}solvers/mujoco.html", targeted, [{"stiffness": s} for s in (0.01, 0.1, 1.0)]),
 )

@@ -13,8 +13,10 @@ from referee.way import CannotError, Run, Way
 
 
 def run(task: Task, step: float, model: str, solver: str, **parameters: float) -> Run:
+    if f"model {model}" not in task.text("mo"):
+        raise CannotError("not written")
     tolerance = 1e-6 * (step / 4e-3) ** 3
-    config = rumoca.SimConfig(solver=solver, rtol=tolerance, atol=tolerance, max_wall_seconds=20.0)
+    config = rumoca.SimConfig(solver=solver, rtol=tolerance, atol=tolerance, max_wall_seconds=60.0)
     try:
         found = rumoca.Session().loads(task.text("mo"), model=model, filename="task.mo")
         begin = time.process_time()

@@ -27,5 +27,5 @@ equation
   der(pivot_z_dot) = pivot_z_ddot;
   pivot_z_aim = 0.1*sin(50*time);
   pivot_z_aim_dot = der(pivot_z_aim);
-  force = k*(pivot_z_aim - pivot_z) + 2*sqrt(k)*(pivot_z_aim_dot - pivot_z_dot);
+  force + pivot_z_ddot + 9.81 = k*(pivot_z_aim - pivot_z) + 2*sqrt(k)*(pivot_z_aim_dot - pivot_z_dot); // cart of 1 kg
 end Driven;

@@ -27,5 +27,5 @@ equation
   der(pivot_x_dot) = pivot_x_ddot;
   pivot_x_aim = 0.1*sin(3*time);
   pivot_x_aim_dot = der(pivot_x_aim);
-  force = k*(pivot_x_aim - pivot_x) + 2*sqrt(k)*(pivot_x_aim_dot - pivot_x_dot);
+  force + pivot_x_ddot = k*(pivot_x_aim - pivot_x) + 2*sqrt(k)*(pivot_x_aim_dot - pivot_x_dot); // cart of 1 kg
 end Driven;

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal, final, get_args
+from typing import Literal, cast, final, get_args
 
 from liaisons.base import cache
 from liaisons.base.arguments import as_path, check_choice
@@ -167,18 +167,21 @@ def _compile_and_link(
         folder = Path(path)
         for name, content in sources.items():
             (folder / name).write_bytes(content)
-        objects = []
-        for name in sorted(name for name in sources if name.endswith(".c")):
-            objects.append(f"{name}.o")
+        missing: dict[str, tuple[str, list[str]]] = {}
+        objects = [f"{name}.o" for name in sorted(sources) if name.endswith(".c")]
+        for file in objects:
+            name = file.removesuffix(".o")
             # Relative to the folder: no path gets into the library.
-            command = [*compiler, "-I.", "-c", name, "-o", f"{name}.o"]
+            command = [*compiler, "-I.", "-c", name, "-o", file]
             key = hashlib.sha256(repr((command, identity, _file_and_headers(name, sources))).encode()).hexdigest()
             if (stored := cache.read_entry(key)) is None:
-                _run_compiler(command, folder)
-                cache.write_entry(key, (folder / f"{name}.o").read_bytes())
+                missing[file] = key, command
             else:
-                (folder / f"{name}.o").write_bytes(stored)
-        _run_compiler([*linker, *objects, "-o", output, *libraries], folder)
+                (folder / file).write_bytes(stored)
+        _run_compilers([command for _, command in missing.values()], folder)
+        for file, (key, _) in missing.items():
+            cache.write_entry(key, (folder / file).read_bytes())
+        _run_compilers([[*linker, *objects, "-o", output, *libraries]], folder)
         return (folder / output).read_bytes()
 
 
@@ -205,10 +208,31 @@ def _is_linker_flag(flag: str) -> bool:
     return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l", "-mexec-model="))
 
 
-def _run_compiler(command: list[str], folder: Path) -> None:
-    """Run a compiler in a folder; raises a BuildError with its first words if it fails, or does not end in time."""
+def _run_compilers(commands: Iterable[list[str]], folder: Path) -> None:
+    """Run compilers in a folder, as many at once as there are cores.
+
+    :raises BuildError: with the first words of one that fails, or if one does not end in time; then none goes on.
+    """
+    running: list[subprocess.Popen[str]] = []
     try:
-        process = subprocess.Popen(
+        for command in commands:
+            if len(running) == (os.cpu_count() or 1):
+                _await_compiler(running[0])
+                del running[0]
+            running.append(_started_compiler(command, folder))
+        while running:
+            _await_compiler(running[0])
+            del running[0]
+    finally:  # an interrupt must not leave compilers running either
+        for process in running:
+            with process:
+                if process.poll() is None:
+                    _kill_group(process)
+
+
+def _started_compiler(command: list[str], folder: Path) -> subprocess.Popen[str]:
+    try:
+        return subprocess.Popen(
             command,
             cwd=folder,
             env={**os.environ, "TMPDIR": str(folder)},  # temporary files of a killed compiler go with the folder
@@ -221,18 +245,18 @@ def _run_compiler(command: list[str], folder: Path) -> None:
         )
     except OSError as error:
         raise BuildError(f"the C compiler {command[0]} cannot be started: {error.strerror}") from error
-    with process:
-        try:
-            output, _ = process.communicate(timeout=TIME_OUT)
-        except BaseException as error:  # an interrupt must not leave compilers running either
-            _kill_group(process)
-            if isinstance(error, subprocess.TimeoutExpired):
-                raise BuildError(f"the C compiler {command[0]} did not end within {TIME_OUT:g} s") from None
-            raise
+
+
+def _await_compiler(process: subprocess.Popen[str]) -> None:
+    name = cast("list[str]", process.args)[0]
+    try:
+        output, _ = process.communicate(timeout=TIME_OUT)
+    except subprocess.TimeoutExpired:
+        raise BuildError(f"the C compiler {name} did not end within {TIME_OUT:g} s") from None
     if process.returncode != 0:
         lines = output.splitlines()
         errors = [line for line in lines if "error" in line.lower()] or lines or ["it said nothing"]
-        raise BuildError(f"the C compiler {command[0]} failed: {' | '.join(errors[:3])}")
+        raise BuildError(f"the C compiler {name} failed: {' | '.join(errors[:3])}")
 
 
 def _kill_group(process: subprocess.Popen[str]) -> None:

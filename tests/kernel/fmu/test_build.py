@@ -124,9 +124,9 @@ def test_nothing_is_compiled_twice(tmp_path, monkeypatch) -> None:
 
 
 def test_object_files_are_stored_for_other_processes_until_all_are_too_large(tmp_path, monkeypatch) -> None:
-    source, commands, run = {"a.c": b"int one(void) { return 1; }\n"}, [], compiler._run_compiler
+    source, commands, run = {"a.c": b"int one(void) { return 1; }\n"}, [], compiler._started_compiler
     monkeypatch.setattr(compiler.cache, "folder", lambda: tmp_path)
-    monkeypatch.setattr(compiler, "_run_compiler", lambda *command: commands.append(run(*command)))
+    monkeypatch.setattr(compiler, "_started_compiler", lambda *command: commands.append(command) or run(*command))
 
     def compilers(source: dict[str, bytes]) -> int:
         commands.clear()
