@@ -63,6 +63,7 @@ def motion(request: pytest.FixtureRequest) -> Motion:
     return motion_of(moving, list(values), TIMES, start_values=values, **options)
 
 
+@pytest.mark.variants(core="a rate that jumps")
 def test_differences_of_the_same_steps_agree(motion) -> None:
     at = motion.values
     signals, derivatives = motion.forward(at)
