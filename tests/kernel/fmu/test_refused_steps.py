@@ -132,35 +132,35 @@ REFUSALS: dict[str, Refusal] = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSALS)
-def test_refused_steps_change_nothing_and_are_named(every_pendulum, name) -> None:
-    start, steps, said, given, python = REFUSALS[name]
-    if every_pendulum.python and not python:
-        return
-    instance = every_pendulum.start(**start, options={"logging": False})  # they are said all the same
-    instance.set(given)
-    here, last = 0.0, (math.nan, math.nan)  # where it is; the step that was refused
-    for t, size, status in steps:
-        before = instance.get(*OUTPUTS)
-        instance.log.clear()
-        again = t == last[0] and size > last[1] * (1 - 1e-9)
-        step = instance.advance(t, size)
-        if status == OK:
-            assert not step.status, instance.log
-            here, last = t + size, (math.nan, math.nan)
+@pytest.mark.variants(core=3)
+def test_refused_steps_change_nothing_and_are_named(every_pendulum) -> None:
+    for name, (start, steps, said, given, python) in REFUSALS.items():
+        if every_pendulum.python and not python:
             continue
-        assert step.status == ((ERROR if again else DISCARD) if every_pendulum.python else status)
-        if step.status == DISCARD and not every_pendulum.python:
-            assert step.time == t
-        ((logged, category, message),) = instance.log
-        assert (logged, category) == (step.status, f"logStatus{'Error' if logged == ERROR else 'Discard'}")
-        assert re.search(said, message)
-        if "input_reconstruction" not in start:
-            np.testing.assert_array_equal(instance.get(*OUTPUTS), before)
-        last = t, size
-    # Once what is wrong is mended it goes on.
-    instance.set(length=1.0, length_dot=0.0, friction=0.0)
-    instance.step(here, 1e-12 * (start.get("gravity", 0) < 1e40) or 1e-25)
+        instance = every_pendulum.start(**start, options={"logging": False})  # they are said all the same
+        instance.set(given)
+        here, last = 0.0, (math.nan, math.nan)  # where it is; the step that was refused
+        for t, size, status in steps:
+            before = instance.get(*OUTPUTS)
+            instance.log.clear()
+            again = t == last[0] and size > last[1] * (1 - 1e-9)
+            step = instance.advance(t, size)
+            if status == OK:
+                assert not step.status, (name, instance.log)
+                here, last = t + size, (math.nan, math.nan)
+                continue
+            assert step.status == ((ERROR if again else DISCARD) if every_pendulum.python else status), name
+            if step.status == DISCARD and not every_pendulum.python:
+                assert step.time == t
+            ((logged, category, message),) = instance.log
+            assert (logged, category) == (step.status, f"logStatus{'Error' if logged == ERROR else 'Discard'}")
+            assert re.search(said, message), name
+            if "input_reconstruction" not in start:
+                np.testing.assert_array_equal(instance.get(*OUTPUTS), before)
+            last = t, size
+        # Once what is wrong is mended it goes on.
+        instance.set(length=1.0, length_dot=0.0, friction=0.0)
+        instance.step(here, 1e-12 * (start.get("gravity", 0) < 1e40) or 1e-25)
 
 
 def test_a_refused_step_leaves_no_trace(every_pendulum) -> None:
