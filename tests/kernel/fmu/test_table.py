@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import sys
 from collections.abc import Callable
@@ -161,6 +162,8 @@ def test_adjoint_derivatives_of_a_table_with_zeros_in_its_rows() -> None:
     """A sampled force depends on few columns of its rows, of which FMI 3.0 has all derivatives."""
     code = model_code(assemble(ForceRegulator), "{0}", "3")
     assert "calculate_reverse" in code
+    cleared = set(re.findall(r"j\+\+\) results\[(\d+)\]\[j\] = 0;", code))  # then written where they are not 0
+    assert any(re.search(rf"results\[{result}\]\[\d+ \+ \d+\] = ", code) for result in cleared)
 
 
 @pytest.mark.parametrize("case", WRONG)
