@@ -40,9 +40,8 @@ class Coupled:
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         self._bus = bus
         self._times = simulation.times
-        parts, feeds = simulation.parts, simulation.feeds
+        parts = simulation.parts
         references = [reference for name in (SIGNALS, *parts) for reference in bus.connected_outputs[name]]
-        groups, cyclic, prescribed = simulation.strong_components, simulation.cyclic, simulation.chosen_reconstructions
         self.signals = signals = Signals(simulation, references)
         self._drives = [
             (
@@ -52,22 +51,12 @@ class Coupled:
             )
             for drive in simulation.drives
         ]
-        self._components: list[StrongComponent] = []
-        for names in groups:
-            cycle = frozenset(names if names[0] in cyclic else ())
-            nodes = [
-                Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
-            ]
-            self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
+        self._components = _strong_components(simulation, instances, bus, signals)
         newtons = [newton for component in self._components for newton in component.newtons]
         self._matrices = [record for newton in newtons for record in (newton.record, newton.elimination.record)]
         orders = [node.error_order for component in self._components for node in component.nodes]
         self.error_order = min(orders, default=6)
-        component_of = simulation.group_number | {SIGNALS: len(groups)}
-        leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
-        for target, (source, _) in feeds.items():
-            if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
-                leading[component_of[source]].append(signals.curve(target))
+        leading = _leading_curves(simulation, signals)
         *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
         self._memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
         library = compiled.step_library()
@@ -227,6 +216,31 @@ class Coupled:
             self.signals.now[indices] = values
             if slopes:
                 self.signals.now[slopes] = 0.0 if other is None else _jerk_at_end(values, drive(other), time - other)
+
+
+def _strong_components(
+    simulation: Simulation, instances: Instances, bus: Bus, signals: Signals
+) -> list[StrongComponent]:
+    """The strong components of a system in execution order, with the nodes of their FMUs."""
+    parts, prescribed = simulation.parts, simulation.chosen_reconstructions
+    components: list[StrongComponent] = []
+    for names in simulation.strong_components:
+        cycle = frozenset(names if names[0] in simulation.cyclic else ())
+        nodes = [
+            Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
+        ]
+        components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
+    return components
+
+
+def _leading_curves(simulation: Simulation, signals: Signals) -> list[list[Curve]]:
+    """Curves of the inputs that each strong component, and last the functions of time, feed in later components."""
+    number = simulation.group_number | {SIGNALS: len(simulation.strong_components)}
+    leading: list[list[Curve]] = [[] for _ in range(len(simulation.strong_components) + 1)]
+    for target, (source, _) in simulation.feeds.items():
+        if number[source] != number[target[0]] and target[0] not in simulation.chosen_reconstructions:
+            leading[number[source]].append(signals.curve(target))
+    return leading
 
 
 def _jerk_at_end(end: Vector, start: Vector, size: float) -> float:

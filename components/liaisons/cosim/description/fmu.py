@@ -260,7 +260,12 @@ def _open_description(archive: Archive) -> Iterator[IO[bytes]]:
             raise SimulationError(f"{archive.path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
-def _make_fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:
+def _kind_and_token(path: Path, description: Description, prefers: str) -> tuple[str, str]:
+    """The kind of simulation that an FMU is used for, and the name of the attribute that has its token.
+
+    :raises SimulationError: if it is made for none, or of another version of FMI.
+    :raises ValueError: if its description lacks what it has to say.
+    """
     root, kinds = description.root, description.kinds
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
@@ -269,13 +274,19 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
     if name is None:
         words = "made for scheduled execution only" if kinds else "made for no kind of simulation"
         raise SimulationError(f"{path}: {words}; export it for co-simulation or model exchange")
-    kind, is_model_exchange, two = kinds[name], name == "ModelExchange", version.startswith("2.")
-    needed = ("modelName", "guid" if two else "instantiationToken")
-    for attribute in needed:
+    token = "guid" if version.startswith("2.") else "instantiationToken"
+    for attribute in ("modelName", token):
         if attribute not in root:
             raise ValueError(f"fmiModelDescription has no {attribute!r}")
-    if "modelIdentifier" not in kind:
+    if "modelIdentifier" not in kinds[name]:
         raise ValueError(f"{name} has no 'modelIdentifier'")
+    return name, token
+
+
+def _make_fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:
+    root, kinds = description.root, description.kinds
+    name, token = _kind_and_token(path, description, prefers)
+    kind, is_model_exchange, two = kinds[name], name == "ModelExchange", token == "guid"
 
     def is_true(*names: str) -> bool:  # FMI 2.0 and 3.0 differ in some names
         return any(kind.get(attribute) in {"true", "1"} for attribute in names)
@@ -292,7 +303,7 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
         needs_completed_step=is_true("completedIntegratorStepNotNeeded", "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
-        guid=root[needed[1]],
+        guid=root[token],
         binary=_binary_path(path, archive, kind["modelIdentifier"], is_fmi_2=two),
         variable_step=is_model_exchange or is_true("canHandleVariableCommunicationStepSize"),
         can_get_and_set_state=is_true("canGetAndSetFMUstate", "canGetAndSetFMUState"),

@@ -17,7 +17,7 @@ from liaisons.base.arrays import Floats
 from liaisons.base.differences import extrapolated_derivative
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.description.fmu import read
+from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.start_values import start_values
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import extract_fmus, make_instance
@@ -68,12 +68,7 @@ class FmuEquations:
         if not fmu.is_model_exchange:
             raise SimulationError(f"{path}: its states cannot be moved, for it is not made for Model Exchange")
         part = SystemComponent(name, fmu, {})
-        positions: dict[int, dict[int, Scalar]] = {}
-        for variable in fmu.variables.values():
-            positions.setdefault(variable.index, {}).setdefault(variable.position, variable)  # and no alias
-        rates, self.states = (
-            [v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1)
-        )
+        rates, self.states = _rates_and_states(fmu)
         self.inputs, self.outputs = (
             [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable_names(group)]
             for names, default in (
@@ -234,3 +229,12 @@ class FmuEquations:
         moved = np.concatenate([self.x, self.u])
         moved[k] += factor * self.sizes[k]
         return self(self.time, *np.split(moved, [len(self.x)]))
+
+
+def _rates_and_states(fmu: Fmu) -> tuple[list[Scalar], list[Scalar]]:
+    """Derivatives and continuous states of an FMU, element by element, without aliases."""
+    positions: dict[int, dict[int, Scalar]] = {}
+    for variable in fmu.variables.values():
+        positions.setdefault(variable.index, {}).setdefault(variable.position, variable)
+    rates, states = ([v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1))
+    return rates, states

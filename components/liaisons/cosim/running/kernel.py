@@ -204,6 +204,8 @@ class Kernel:
         bus.perform(last)
         self.recorder.add(begin, bus.values, result_time=begin)
         self.timeline.find_next(begin)
+        if happening is not None:
+            happening.start()
 
     @cached_property
     def late_inputs(self) -> frozenset[VariableReference]:

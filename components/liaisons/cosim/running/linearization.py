@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, final
 
@@ -122,6 +122,37 @@ def _present_values(instance: Instance, variables: list[Scalar], when: str) -> V
     return values
 
 
+def _is_output(part: SystemComponent, name: str) -> bool:
+    variable = part.fmu.variables[name]
+    return variable.type == "Real" and variable.causality != "input"
+
+
+def _unconnected_matrices(equations: Iterable[_Equations]) -> Any:
+    """Matrices A, B, C and D of all FMUs side by side."""
+    jacobians = [(one.jacobian, len(one.states)) for one in equations]
+    blocks = [(J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]) for J, n in jacobians]
+    return (block_diag(*of_fmus) for of_fmus in zip(*blocks, strict=True))
+
+
+def _interconnection(
+    simulation: Simulation, inputs: Sequence[VariableReference], outputs: Mapping[VariableReference, int]
+) -> tuple[Vector, Vector, dict[VariableReference, int]]:
+    """Matrices of u = M y + E v, with inputs u and outputs y of the FMUs, and the inputs v of the whole.
+
+    :param outputs: places of the outputs in y.
+    :returns: M, E, and the places of the inputs in v.
+    """
+    sources = {target: simulation.feeds.get(target, target) for target in inputs}
+    sources = {target: target if source[0] == SIGNALS else source for target, source in sources.items()}
+    outer = dict.fromkeys(source for source in sources.values() if source not in outputs)
+    v = {source: i for i, source in enumerate(outer)}
+    M, E = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), len(v)))
+    for i, (target, source) in enumerate(sources.items()):
+        matrix, columns = (M, outputs) if source in outputs else (E, v)
+        matrix[i, columns[source]] = simulation.conversions.get(target, SAME).factor
+    return M, E, v
+
+
 def linearization(
     simulation: Simulation, instances: Instances, time: float, present: Mapping[str, float]
 ) -> Linearization:
@@ -140,12 +171,7 @@ def linearization(
     def label(place: VariableReference) -> str:
         return names.get(place) or (place[1] if simulation.document.single else ".".join(place))
 
-    observed = [
-        (owner, name)
-        for owner, name in simulation.recorded.values()
-        for variable in [parts[owner].fmu.variables[name]]
-        if owner in moving and variable.type == "Real" and variable.causality != "input"
-    ]
+    observed = [(owner, name) for owner, name in names if owner in moving and _is_output(parts[owner], name)]
     needed = dict.fromkeys([*observed, *(source for source in feeds.values() if source[0] in moving)])
     equations = {
         name: _Equations(part, instances[name], [v for owner, v in needed if owner == name], time)
@@ -155,28 +181,14 @@ def linearization(
         kind: [(name, variable.name) for name, one in equations.items() for variable in getattr(one, kind)]
         for kind in ("states", "inputs", "outputs")
     }
-    jacobians = [(one.jacobian, len(one.states)) for one in equations.values()]
-    blocks = [(J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]) for J, n in jacobians]
-    matrices: Any = (block_diag(*of_fmus) for of_fmus in zip(*blocks, strict=True))
-    A, B, C, D = matrices
-    # u = M y + E v, with the inputs v of the whole
-    inputs, outputs = groups["inputs"], {source: i for i, source in enumerate(groups["outputs"])}
-    sources = {target: feeds.get(target, target) for target in inputs}
-    sources = {target: target if source[0] == SIGNALS else source for target, source in sources.items()}
-    outer = dict.fromkeys(source for source in sources.values() if source not in outputs)
-    v = {source: i for i, source in enumerate(outer)}
-    M, E = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), len(v)))
-    for i, (target, source) in enumerate(sources.items()):
-        matrix, columns = (M, outputs) if source in outputs else (E, v)
-        matrix[i, columns[source]] = simulation.conversions.get(target, SAME).factor
-    loop = np.linalg.inv(np.eye(len(inputs)) - M @ D)
+    A, B, C, D = _unconnected_matrices(equations.values())
+    outputs = {source: i for i, source in enumerate(groups["outputs"])}
+    M, E, v = _interconnection(simulation, groups["inputs"], outputs)
+    loop = np.linalg.inv(np.eye(len(M)) - M @ D)
     by_x, by_v = loop @ M @ C, loop @ E
     rows = [outputs[place] for place in observed]
-    values = {
-        label((name, variable.name)): float(value)
-        for name, one in equations.items()
-        for variable, value in zip((*one.states, *one.inputs), one.point, strict=True)
-    }
+    point = [(name, zip((*one.states, *one.inputs), one.point, strict=True)) for name, one in equations.items()]
+    values = {label((name, variable.name)): float(value) for name, pairs in point for variable, value in pairs}
     values |= present
     variables = {label((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *observed)}
     return Linearization(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn, Protocol, final
 from weakref import finalize
 
+from liaisons.base.arguments import shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
@@ -105,6 +106,15 @@ class Moments:
         moment = Moment(self.run, time, self._bus.values.copy(), fmus, [owner.save() for owner in self.owners])
         finalize(moment, self._unused.append, fmus)
         return moment
+
+    def check(self, title: str, moment: object) -> None:
+        """Check that it is a saved state of this run.
+
+        :raises SimulationError: if it is none.
+        """
+        if not isinstance(moment, Moment) or moment.run is not self.run:
+            words = "is of another run" if isinstance(moment, Moment) else "is not a state of a run"
+            raise SimulationError(f"{title}: {shown(moment)} {words}; restore what its own save() has returned")
 
     def restore(self, moment: Moment) -> None:
         """Return to a saved state."""

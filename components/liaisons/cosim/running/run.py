@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import math
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -14,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, name_list, shown
+from liaisons.base.arguments import check_positive, merged_start_values, name_list
 from liaisons.base.folders import temporary_folder
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
@@ -22,12 +20,10 @@ from liaisons.base.progress import progress_bar
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.messages import add_warnings, logger
-from liaisons.cosim.running.driving import drive
 from liaisons.cosim.running.kernel import Kernel, fmpy_instance, impulses_through
 from liaisons.cosim.running.moment import Moment, check_goes_back, state_calls
 from liaisons.cosim.running.observers import Observers
-from liaisons.cosim.running.pace import EachStep, EqualParts, Points
-from liaisons.cosim.running.stepping import FreeInput, one_number_each, refuse_step
+from liaisons.cosim.running.stepping import FreeInput, Stepping, named_values, one_number_each
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.running.variables import RunVariables
 from liaisons.cosim.structure.components import Components
@@ -40,8 +36,6 @@ if TYPE_CHECKING:
 
 _MOST_ROUNDS = 6
 """Number of further runs that look for contacts at most; where bodies touch all the time, each takes longer."""
-_MOST_DIVISIONS = 20
-"""Number of instants that divide steps for contacts at most, for each communication point."""
 _LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 
@@ -69,11 +63,10 @@ class Run:
             self._kernel = kernel = Kernel(simulation, instances, observers.variables)
             observers.prepare(kernel)
             self._variables = RunVariables(simulation, instances, kernel.bus)
-            self._happening = None if impulses is None else impulses.happening(kernel)
-            owners = [self._variables, *filter(None, [observers.estimate, self._happening])]
+            happening = None if impulses is None else impulses.happening(kernel)
+            owners = [self._variables, *filter(None, [observers.estimate, happening])]
             kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate is not None)
-            self._chooses_steps = simulation.adapts or simulation.error_tolerance is not None
-            self._is_watched = bool(kernel.deviations or self._happening)  # something may come between points
+            self._stepping = Stepping(kernel, observers, happening)
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
             saves, self._restores = zip(*state_calls(instances), strict=True) if self.repeats else ((), ())
             kernel.bus.perform(saves)
@@ -107,11 +100,8 @@ class Run:
         :param parts: the same with other start values.
         :raises SimulationError: if an FMU refuses something.
         """
-        kernel, estimate, self._lost = self._kernel, self._observers.estimate, True
-        last = () if estimate is None else estimate.initial_calls
-        kernel.start(parts or kernel.simulation.parts, self._restores, last, self._happening)
-        if self._happening is not None:
-            self._happening.start()
+        kernel, last, self._lost = self._kernel, self._observers.initial_calls, True
+        kernel.start(parts or kernel.simulation.parts, self._restores, last, self._stepping.happening)
         self._observers.real_time.reset()
         self._variables.forget()
         self._lost = False
@@ -122,21 +112,7 @@ class Run:
         :param on_progress: called now and then with the time that is reached [s].
         :raises SimulationError: if an FMU refuses something.
         """
-        for time in self._drive(len(self._kernel.simulation.times), reports=on_progress is not None):
-            if on_progress:
-                on_progress(time)
-
-    def _drive(self, stop: int, *, reports: bool = False) -> Iterator[float]:
-        """Step until a number of communication points is reached; yields instants that are reached [s]."""
-        kernel, simulation, estimate = self._kernel, self._kernel.simulation, self._observers.estimate
-        if simulation.error_tolerance is not None:
-            return drive(kernel, EachStep(kernel, estimate))
-        if simulation.adapts:
-            return drive(kernel, EqualParts(kernel, estimate))
-        most = 1 if self._observers.real_time.is_paced else stop
-        return drive(kernel, Points(kernel, stop, most=most, reports=reports), self._happening)
-
-    # ---- step by step
+        self._stepping.finish(on_progress)
 
     @property
     def time(self) -> float:
@@ -153,11 +129,9 @@ class Run:
         :raises SimulationError: for an unknown input, one that has a source, a value that it cannot have, and a run
             that is closed or at its end; :class:`IncompleteError`, with the result so far, if an FMU refuses the step.
         """
-        try:
-            values = {**({} if inputs is None else inputs), **keywords}
-        except TypeError:
-            values = name_dictionary("inputs", inputs)  # says what is wrong
-        self._set_and_step([self._free_input(name) for name in values], values.values())
+        values = named_values(inputs, keywords)
+        self._require_open()
+        self._set_and_step([self._variables.free_input(name) for name in values], values.values())
 
     def stepper(self, inputs: Sequence[str], outputs: Sequence[str]) -> Callable[[ArrayLike], Vector]:
         """Prepare a step as a function of an array.
@@ -168,7 +142,8 @@ class Run:
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
         inputs, outputs = name_list("inputs", inputs), name_list("outputs", outputs)
-        free, columns = [self._free_input(name) for name in inputs], self._variables.columns(outputs)
+        self._require_open()
+        free, columns = [self._variables.free_input(name) for name in inputs], self._variables.columns(outputs)
         title, bus = self._kernel.simulation.title, self._kernel.bus
 
         def step(values: ArrayLike) -> Vector:
@@ -181,37 +156,13 @@ class Run:
         """Set inputs whose values have changed, and step to the next communication point."""
         if self._closed or self._lost:
             self._require_open()
-        kernel, progress = self._kernel, self._kernel.progress
-        points = progress.points
-        if progress.end or points == kernel.count or self._chooses_steps:
-            refuse_step(kernel)
-        numbers = list(map(FreeInput.checked_numbers, free, values))
-        changed = list(filter(None, map(FreeInput.assign, free, numbers)))
+        changed = self._stepping.changed_inputs(free, values)
         try:
-            if changed:
-                kernel.bus.perform(changed)
-                kernel.begin_piece()
-            if self._is_watched or kernel.timeline.next < math.inf or points + 1 == kernel.count:
-                deque(self._drive(points + 1), maxlen=0)
-            else:  # nothing can happen before the next point
-                kernel.recorder.step(kernel.simulation.times[points])
-                progress.points += 1
-        except EndedError as ended:
-            progress.end = str(ended)
-            logger.warning("%s", ended)
+            self._stepping.step(changed)
         except SimulationError as error:
-            if error is self._observers.watchdog.refusal:
-                progress.end = "a constraint was not kept; restore a state, or start another run"
             raise IncompleteError(str(error), self.result) from error
-        except KeyboardInterrupt:
-            progress.end = "it was interrupted within a step; restore a state, or start another run"
-            raise
         if self._observers.real_time.is_paced:
             self.wait()
-
-    def _free_input(self, name: str) -> FreeInput:
-        self._require_open()
-        return self._variables.free_input(name)
 
     def __getitem__(self, name: str) -> Any:
         """A value at the present time, whether it is recorded or not; of an array, all of them.
@@ -240,8 +191,6 @@ class Run:
         if self._observers.real_time.is_paced:
             self._observers.real_time.wait(self.time)
 
-    # ---- states
-
     def save(self) -> Moment:
         """Save the present state, to which the run can return any number of times.
 
@@ -256,10 +205,8 @@ class Run:
 
         :raises SimulationError: for the state of another run.
         """
-        self._require_unclosed()
-        if not isinstance(state, Moment) or state.run is not self._kernel.moments.run:
-            words = "is of another run" if isinstance(state, Moment) else "is not a state of a run"
-            self._refuse(f"{shown(state)} {words}; restore what its own save() has returned")
+        self._require_open(state=False)
+        self._kernel.moments.check(self._kernel.simulation.title, state)
         self._lost = True
         self._kernel.moments.restore(state)
         self._lost = False
@@ -276,7 +223,7 @@ class Run:
         """
         document = self._kernel.simulation.document
         starts = merged_start_values(document.name, start_values, keywords)
-        self._require_unclosed()
+        self._require_open(state=False)
         check_goes_back(self._kernel.simulation)
         parts = document.with_start_values(starts).parts
         before = None if self._lost else self.save()
@@ -301,8 +248,6 @@ class Run:
         self._require_open()
         return linearization(self._kernel.simulation, self._kernel.instances, self.time, self._variables.recorded())
 
-    # ---- what it has come to
-
     @property
     def instants(self) -> Vector:
         """Ends of all steps that were made [s], those to breaks and the start time included, shape (points,)."""
@@ -321,18 +266,8 @@ class Run:
         return self._observers.recorded_result(self._kernel)[0]
 
     def conclude_or_divide(self, hidden: Vector) -> Result | Vector:
-        """Return the result or, if a contact may be missed or falsely found, instants [s] that divide the steps there.
-
-        :param hidden: instants [s] of points that are not in the result.
-        """
-        kernel, estimate, times = self._kernel, self._observers.estimate, self._kernel.simulation.times
-        kernel.recorder.hide(hidden)
-        recorded = self._observers.recorded_result(kernel)
-        divides = kernel.timeline.divides and not self._chooses_steps and math.isfinite(times[-1])
-        more = estimate.divisions_between(times) if divides and estimate is not None else np.empty(0)
-        if more.size and len(hidden) + len(more) <= _MOST_DIVISIONS * len(times):
-            return more
-        return self._observers.conclude(kernel, recorded)
+        """The result without points at some instants [s], or instants that divide steps where contacts are doubtful."""
+        return self._stepping.conclude_or_divide(hidden)
 
     def conclude(self) -> Result:
         """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors."""
@@ -342,19 +277,15 @@ class Run:
         """The last communication point [s]; None before the first."""
         return self._kernel.recorder.end if self._kernel.recorder.done else None
 
-    # ---- what is refused
-
     def _require_state(self) -> None:
         if self._lost:
             self._refuse("it has no state, since a start was refused: reset it again")
 
-    def _require_unclosed(self) -> None:
+    def _require_open(self, *, state: bool = True) -> None:
         if self._closed:
             self._refuse("the run is closed; start another one")
-
-    def _require_open(self) -> None:
-        self._require_unclosed()
-        self._require_state()
+        if state:
+            self._require_state()
 
     def __reduce__(self) -> NoReturn:
         self._refuse("a run has FMUs in memory, and cannot be copied or pickled; pickle its result")

@@ -242,23 +242,17 @@ def checked_simulation(
     document.filled()
     parts, single = document.parts, document.single
     recorded = _recorded_variables(document, record, also)
+    adaptive = error_tolerance is not None
     if times is not None:
-        if error_tolerance is not None:
-            raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
-        if start_time or stop_time is not None or step_size is not None:
-            raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
-        points: Sequence[float] = _checked_times(times)
+        points = _checked_times(times, start_time or None, stop_time, step_size, adaptive=adaptive)
     else:
         span = _span(document, start_time, stop_time, step_size, endless=endless)
-        points = _communication_points(*span, len(recorded), adaptive=error_tolerance is not None, endless=endless)
+        points = _communication_points(*span, len(recorded), adaptive=adaptive, endless=endless)
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
     functions = name_dictionary("inputs", {} if inputs is None else inputs)
-    driving = drives(
-        {document.reference("input", name): function for name, function in functions.items()},
-        parts,
-        points[0],
-    )
+    by_input = {document.reference("input", name): function for name, function in functions.items()}
+    driving = drives(by_input, parts, points[0])
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
@@ -268,13 +262,9 @@ def checked_simulation(
     with collected_warnings() as warned:
         chosen = checks.choose_coupling(graph, coupling)
         checks.check_signals(connections, chosen)
-        parts = checks.prepare_components(graph, chosen)
-        some = points[:2] if isinstance(points, EndlessTimes) else points
-        checks.check_steps(parts, graph, some, chosen, adaptive=error_tolerance is not None)
-        checks.check_input_sources(parts, graph)
-    free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
+        parts = _checked_components(graph, chosen, points, adaptive=adaptive)
     asked = (step_size, document.experiment.step_size, times, error_tolerance)
-    chooses = all(one is None for one in asked) and not single and not endless
+    chooses = all(one is None for one in asked) and not single and not endless and _can_repeat_steps(parts)
     return Simulation(
         replace(document, parts=parts, connections=connections),
         driving,
@@ -285,10 +275,25 @@ def checked_simulation(
         error_tolerance,
         graph.strong_components,
         graph.cyclic,
-        adapts=chooses and free and chosen in checks.ITERATING and not impulses,
+        adapts=chooses and chosen in checks.ITERATING and not impulses,
         impulses=impulses,
         warnings=warned.texts,
     )
+
+
+def _can_repeat_steps(parts: Components) -> bool:
+    return all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
+
+
+def _checked_components(
+    graph: checks.ConnectionGraph, coupling: Coupling, points: Sequence[float], *, adaptive: bool
+) -> Components:
+    """Components with the inputs that a coupling gives them, once steps and sources of inputs are checked."""
+    parts = checks.prepare_components(graph, coupling)
+    some = points[:2] if isinstance(points, EndlessTimes) else points
+    checks.check_steps(parts, graph, some, coupling, adaptive=adaptive)
+    checks.check_input_sources(parts, graph)
+    return parts
 
 
 def _span(
@@ -379,8 +384,15 @@ def _recorded_variables(
     return {variable[1] if single else ".".join(variable): variable for variable in variables}
 
 
-def _checked_times(times: ArrayLike) -> list[float]:
-    """Communication points that the user gives [s]; those that differ only by rounding count as one."""
+def _checked_times(times: ArrayLike, *others: float | None, adaptive: bool) -> Sequence[float]:
+    """Communication points that the user gives [s]; those that differ only by rounding count as one.
+
+    :param others: start, stop and step size, which say the same.
+    """
+    if adaptive:
+        raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
+    if any(one is not None for one in others):
+        raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = float_array("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
         raise InvalidValueError(f"times of shape {points.shape}: give at least two finite numbers")
