@@ -5,9 +5,9 @@ With this package loaded, :func:`liaisons.mechanics.assemble` takes subclasses o
 
 from liaisons.chains.assembly import model_of
 from liaisons.chains.chain import Chain
-from liaisons.chains.sweeps import link_of
+from liaisons.chains.sweeps import ChainLink, link_of
 from liaisons.mechanics import assemble_by
 
-__all__ = ["Chain", "link_of"]
+__all__ = ["Chain", "ChainLink", "link_of"]
 
 assemble_by(Chain, model_of)

@@ -210,21 +210,8 @@ class _Joined:
         results |= {
             name: connected(self._stacked_results(name)) for name in ("derivatives", "nominals", "jump", "remember")
         }
-        if any(part.model.project is not None for part in self.parts):
-            rows = (
-                part.vectors["y"] if part.model.project is None else part.function_results("project")[0]
-                for part in self.parts
-            )
-            results["project"] = connected(self._to_column(rows))
-        bounded = [part for part in self.parts if part.model.reach is not None]
-        if bounded:
-            rows = [(len(part.model.reaches), part.function_results("reach")[0]) for part in bounded]
-            columns = [*(row[:count] for count, row in rows), *(row[count:] for count, row in rows)]
-            results["reach"] = connected(self._to_column(columns))
-        margins = [part.function_results("margin")[0] for part in self.parts if part.model.margin is not None]
-        results["margin"] = connected(reduce(ca.fmin, margins)) if margins else None
-        announcing = [part.function_results("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
-        results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
+        partial_results = self._results_of_some_parts()
+        results |= {name: None if row is None else connected(row) for name, row in partial_results.items()}
         conditions = {text: connected(row) for text, row in self._conditions().items()}
         results["conditions"] = self._to_column(conditions.values())
         numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
@@ -237,7 +224,27 @@ class _Joined:
             memory=self.memory,
             condition_texts=tuple(conditions),
         )
-        return own | {"drawn": (NEXT_EVENT,) if announcing else ()}
+        return own | {"drawn": () if partial_results["draw"] is None else (NEXT_EVENT,)}
+
+    def _results_of_some_parts(self) -> dict[str, Any]:
+        """Results of functions that not every model has, stacked or the least of all; None if no model has one."""
+        results: dict[str, Any] = {}
+        if any(part.model.project is not None for part in self.parts):
+            rows = (
+                part.vectors["y"] if part.model.project is None else part.function_results("project")[0]
+                for part in self.parts
+            )
+            results["project"] = self._to_column(rows)
+        bounded = [part for part in self.parts if part.model.reach is not None]
+        if bounded:
+            rows = [(len(part.model.reaches), part.function_results("reach")[0]) for part in bounded]
+            columns = [*(row[:count] for count, row in rows), *(row[count:] for count, row in rows)]
+            results["reach"] = self._to_column(columns)
+        margins = [part.function_results("margin")[0] for part in self.parts if part.model.margin is not None]
+        results["margin"] = reduce(ca.fmin, margins) if margins else None
+        announcing = [part.function_results("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
+        results["draw"] = reduce(ca.fmin, announcing) if announcing else None
+        return results
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
         """Column of one of :data:`CONTACT_NUMBERS` of the contacts of some kinds."""

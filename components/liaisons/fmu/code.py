@@ -87,6 +87,10 @@ class Core:
         return cls(own, {name: reference for reference, name in enumerate(names, first_reference(model))})
 
 
+_INCLUDES = ("#include <math.h>", "", '#include "core.h"')
+_NO_WARNINGS = ("", "#ifdef __GNUC__", '#pragma GCC diagnostic ignored "-Wunused-parameter"', "#endif")
+
+
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
     """Text of ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
@@ -102,18 +106,11 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     functions += [row_functions.get(function.name(), function) for pair in rates for function in pair]
     functions += [model.table.times] if model.table else []
     code, reals = function_code(functions)
-    motions = [[function.name() for function in pair] for pair in rates] or [_MOTION] * len(_ACTIVITIES)
-    most = _MOST_WITH_TABLE if model.table else _MOST
     tables = _tables(model)
     fields = {
         **_struct_members(model, guid, tables),
         **({} if arrays else {"by_number": 1}),
-        "coupled": rates[-1][1].numel_out(0) if rates else coupled_state_count(model),
-        "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
-        "most_results": max([_MOST, *(function.sz_res() for function in functions)]),
-        "integers": max(function.sz_iw() for function in functions),
-        "reals": max([reals, *(loop.reals for loop in loops.values())]),
-        "motions": _initializer(*(_initializer(*pair) for pair in motions)),
+        **_sizes_and_motions(model, functions, rates, max([reals, *(loop.reals for loop in loops.values())])),
         "instants": "instants",
         **({} if model.draw is None else {"draw": "draw"}),
         **{name: name if name in row_functions else function.name() for name, function in members.items()},
@@ -122,14 +119,9 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     return "\n".join(
         [
             f"/* {model.name}: functions generated from its equations, and tables. */",
-            "#include <math.h>",
-            "",
-            '#include "core.h"',
+            *_INCLUDES,
             *_table_declarations(model),
-            "",
-            "#ifdef __GNUC__",
-            '#pragma GCC diagnostic ignored "-Wunused-parameter"',
-            "#endif",
+            *_NO_WARNINGS,
             *code,
             *_lookup_definitions(model, row_functions),
             *(line for name, statements in booking.items() for line in function_definition(name, statements)),
@@ -141,6 +133,22 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             "",
         ]
     )
+
+
+def _sizes_and_motions(
+    model: Model, functions: Sequence[ca.Function], rates: Sequence[Sequence[ca.Function]], reals: int
+) -> dict[str, object]:
+    """Members of the struct: room that the functions need, and the functions of the solvers for each activity."""
+    motions = [[function.name() for function in pair] for pair in rates] or [_MOTION] * len(_ACTIVITIES)
+    most = _MOST_WITH_TABLE if model.table else _MOST
+    return {
+        "coupled": rates[-1][1].numel_out(0) if rates else coupled_state_count(model),
+        "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
+        "most_results": max([_MOST, *(function.sz_res() for function in functions)]),
+        "integers": max(function.sz_iw() for function in functions),
+        "reals": reals,
+        "motions": _initializer(*(_initializer(*pair) for pair in motions)),
+    }
 
 
 def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:

@@ -271,13 +271,29 @@ class MechanicalComponent(Component, abstract=True):
             yield from layout.internal_state_outputs(state)
 
     def _dynamics_outputs(self) -> Iterator[Variable]:
-        """Outputs of constraints, operators, points and energies, and the declared ones."""
+        """Outputs of constraints, operators, contacts, points and energies, and the declared ones."""
         readable, size = layout.readable, self.dimension
         for item in self.all_constraints:
             yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
         for item in self.passive_constraints:
             unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier_unit(item.unit)
             yield readable(f"lambda_{item.name}", unit, f"multiplier of: {item.description} (K eq. 7)")
+        yield from self._operator_outputs()
+        yield from self._contact_outputs()
+        for item in self.points:
+            for axis in components_of(self, item.name):
+                name, speed = f"{item.name}_{axis}", units.rate(item.unit)
+                yield readable(name, item.unit, f"{axis} of {item.description}", dimension=size)
+                yield readable(f"{name}_dot", speed, f"rate of {name}", dimension=size)
+                yield readable(f"{name}_ddot", units.rate(speed), f"acceleration of {name}", dimension=size)
+        yield from self._energy_outputs()
+        yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
+        for item in self.calculated_parameters:
+            yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
+
+    def _operator_outputs(self) -> Iterator[Variable]:
+        """Force and power of each operator, and how what it prescribes was taken."""
+        readable = layout.readable
         for s in self.actives:
             text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
             yield readable(f"{s.name}_force", units.force(s.unit), text)
@@ -292,13 +308,10 @@ class MechanicalComponent(Component, abstract=True):
                 f"1 {s.name}_ddot, 2 {s.name}_dot and {s.name}_ddot; in model exchange what is missing"
             )
             yield Variable(f"{s.name}_derived", "1", text, "local", "discrete")
-        yield from self._contact_outputs()
-        for item in self.points:
-            for axis in components_of(self, item.name):
-                name, speed = f"{item.name}_{axis}", units.rate(item.unit)
-                yield readable(name, item.unit, f"{axis} of {item.description}", dimension=size)
-                yield readable(f"{name}_dot", speed, f"rate of {name}", dimension=size)
-                yield readable(f"{name}_ddot", units.rate(speed), f"acceleration of {name}", dimension=size)
+
+    def _energy_outputs(self) -> Iterator[Variable]:
+        """Energies, works and powers, and their balance."""
+        readable = layout.readable
         yield readable("kinetic_energy", "J", "kinetic energy T (K eq. 12)")
         yield readable("potential_energy", "J", "potential energy V")
         yield readable("energy", "J", "energy T + V (K eq. 31)")
@@ -314,9 +327,6 @@ class MechanicalComponent(Component, abstract=True):
         yield readable("power", "W", "power through all ports", causality="local", derivative_of="work")
         text = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
         yield readable("dissipation", "W", text, causality="local", derivative_of="dissipated")
-        yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
-        for item in self.calculated_parameters:
-            yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _contact_outputs(self) -> Iterator[Variable]:
         """Outputs of unilateral liaisons and dry friction; in a chain, arrays over the links."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
@@ -297,22 +297,31 @@ class Mechanism(MechanicalComponent, abstract=True):
             return
         still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(self.free.q_dot), strict=True) if not row.any()]
         what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
-        for item, other in _trial_values(self):
-            if not is_positive_definite(evaluate(start | {item.name: other})[0]):
-                continue
-            value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
-            if isinstance(item, Parameter):
-                raise ComponentError(f"{name}: {what} while {value}; let its default be > 0")
-            raise ComponentError(
-                f"{name}: {what} at {value}, where the start lies on a singularity; "
-                "give another start, and exclude the singularity by above=, below= or an @assertion"
-            )
+        self._refuse_start_values(what, lambda item, other: evaluate(start | {item.name: other})[0])
         if still:
             why = _singularity_reason(self, lagrangian, motion[still[0]])
             raise ComponentError(f"{name}: mass matrix is singular at the start ({at_start}): {why}")
         raise ComponentError(
             f"{name}: {what} at the start ({at_start}); check the masses and that every free coordinate moves one"
         )
+
+    def _refuse_start_values(
+        self, what: str, mass_matrix: Callable[[Parameter | Coordinate | ActiveCoordinate, float], np.ndarray]
+    ) -> None:
+        """Name a start value or a parameter with another value of which the mass matrix would be positive definite.
+
+        :param what: what is wrong with it at the start.
+        """
+        for item, other in _trial_values(self):
+            if not is_positive_definite(mass_matrix(item, other)):
+                continue
+            value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
+            if isinstance(item, Parameter):
+                raise ComponentError(f"{type(self).__name__}: {what} while {value}; let its default be > 0")
+            raise ComponentError(
+                f"{type(self).__name__}: {what} at {value}, where the start lies on a singularity; "
+                "give another start, and exclude the singularity by above=, below= or an @assertion"
+            )
 
     def _check_nonquadratic(self) -> None:
         """Raise a ComponentError for what a Lagrangian that is not quadratic in the rates cannot have."""

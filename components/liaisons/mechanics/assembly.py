@@ -43,6 +43,20 @@ def _mechanism_model(component: type[Mechanism], n: object) -> Model:
 _MODEL_OF: dict[type[Component], Callable[[Any, object], Model]] = {Mechanism: _mechanism_model}
 
 
+def _sampled_memory(m: SampledStates) -> tuple[tuple[str, ...], ca.SX, ca.SX]:
+    """Names of the numbers that a sampled component remembers, its states before the start, and symbols of them all."""
+    states = [state.name for state in m.discrete_states]
+    names = (*(f"{name}_before" for name in states), *states, "last_sample")
+    return names, stack(ca.SX.sym(f"{name}_0") for name in states), ca.SX.sym("m", len(names))
+
+
+def _sampled_results(m: SampledStates, results: dict[str, Any], memory: ca.SX) -> dict[str, Any]:
+    """Results with the states that are visible of the memory, and the memory after a sample."""
+    results["outputs_function"] = ca.vertcat(results["outputs_function"], m.discrete)
+    visible = {name: ca.substitute(value, m.discrete, m.visible_states(memory)) for name, value in results.items()}
+    return visible | {"sample": m.after_sample(memory)}
+
+
 def _signal_model(component: Any, n: object) -> Model:
     """Model of an operator, or of a sampled component: variables and functions."""
     if n is not None:
@@ -57,13 +71,9 @@ def _signal_model(component: Any, n: object) -> Model:
     own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*triple, x, rates])}
     events, at_start = stack(map(ca.SX, m.events())), memory
     if isinstance(m, SampledStates):
-        states = [state.name for state in m.discrete_states]
-        names = (*(f"{name}_before" for name in states), *states, "last_sample")
-        before, memory = stack(ca.SX.sym(f"{name}_0") for name in states), ca.SX.sym("m", len(names))
+        names, before, memory = _sampled_memory(m)
         k, at_start = ca.vertcat(k, before), m.memory_at_start(before)
-        own["outputs_function"] = ca.vertcat(own["outputs_function"], m.discrete)
-        own = {name: ca.substitute(value, m.discrete, m.visible_states(memory)) for name, value in own.items()}
-        own |= {"sample": m.after_sample(memory), "events": events}
+        own = _sampled_results(m, own, memory) | {"events": events}
         limits = {LATE: m.missed_sample_margin(memory), **limits}
     vectors = {"t": m.clock, "y": x, "u": m.input_column, "k": k, "m": memory}
     read = {
@@ -76,13 +86,8 @@ def _signal_model(component: Any, n: object) -> Model:
     if isinstance(m, Operator) and m.lookups:
         table = _lookup_table(m, vectors, read)
         read = _with_all_rows(m, read)
-    results = {
-        "events": events,
-        **read,
-        "start": (start, at_start),
-        "remember": memory,
-        "nominals": ca.SX.ones(x.shape),
-    }
+    results = {"events": events, **read, "start": (start, at_start), "remember": memory}
+    results["nominals"] = ca.SX.ones(x.shape)
     return Model(
         **declared_fields(m),
         memory=names,

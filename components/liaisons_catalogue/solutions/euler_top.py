@@ -21,6 +21,7 @@ from liaisons_catalogue.solutions.elliptic import inverse_jacobi, jacobi
 
 _STEADY = 1e-15  # sine of the angle between ω and H that is rounding
 _SEPARATRIX = 1e-13  # 1 - k² that is rounding
+_ENDS_ON_SEPARATRIX = "euler_top: the rotation ends about the middle axis (separatrix); change the start a little"
 
 
 def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) -> tuple[NDArray, NDArray]:
@@ -49,9 +50,7 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     about_a = B * (B - A) * omega_b**2 + C * (C - A) * omega_c**2  # H² - 2EA
     m_1 = float((A - C) * decides / ((A - B) * about_c)) if A != B else 0.0
     if m_1 <= _SEPARATRIX:
-        raise ValidityError(
-            "euler_top: the rotation ends about the middle axis (separatrix); change the start a little"
-        )
+        raise ValidityError(_ENDS_ON_SEPARATRIX)
     flip_a = 1.0 if omega_a >= 0 else -1.0
     flip_c = float(np.sign(np.linalg.det(axes))) * flip_a
     axes, omega_a, omega_c = axes * [flip_c, 1.0, flip_a], flip_a * omega_a, flip_c * omega_c

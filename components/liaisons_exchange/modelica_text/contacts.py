@@ -4,8 +4,9 @@ Impacts, thresholds and the end of bounces are those of the FMU, docs/explanatio
 each other obey a rule for all of them at once, which is not written.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import combinations
+from typing import Any
 
 import casadi as ca
 
@@ -40,6 +41,35 @@ elsewhen pre({n}_direction)*{v} < -1e-12*{v}_scale then
 end when;"""
 
 
+_OF_FRICTION = {"_static": "stick", "_sliding": "slide"}
+_OF_GAP = {"": "gap", "_scale": "scale", "_restitution": "restitution"}
+"""Ending of a variable -> name of the contact's numbers."""
+
+
+def _refuse_coupled_contacts(e: Equations, contacts: Sequence[Any], compliance: ca.SX) -> None:
+    """Refuse contacts that act on each other, on constraints or on orientations."""
+    pairs = combinations(range(len(contacts)), 2)
+    coupled = any(c.normal for c in contacts) or any(compliance.has_nz(i, j) for i, j in pairs)
+    if coupled or e.constraints.residuals.numel() or e.mechanism.orientations:
+        why = "that act on each other" if coupled else "beside constraints or orientations"
+        listed = ", ".join(c.name for c in contacts)
+        raise ComponentError(f"{e.name}: Modelica text takes no contacts ({listed}) {why}; import its FMU")
+
+
+def _add_units(unit: dict[str, str], n: str, v: str, a: str, *, friction: bool) -> None:
+    """Add the units of the variables of a contact.
+
+    :param n: its name; ``v``, ``a``: names of its rate and of the acceleration.
+    """
+    rate = unit[n] if friction else units.rate(unit[n])
+    unit |= {v: rate, a: units.rate(rate), f"{v}_scale": rate}
+    unit[f"{n}_mass"] = units.quotient(unit[f"{n}_force"], unit[a])
+    if friction:
+        unit |= dict.fromkeys((f"{n}_static", f"{n}_sliding"), unit[f"{n}_force"])
+    else:
+        unit |= {f"{n}_scale": unit[n], f"{n}_restitution": "1"}
+
+
 def add_contacts(
     e: Equations, section: Section, unit: dict[str, str], with_outer_forces: Callable[[ca.SX], ca.SX]
 ) -> tuple[list[str], list[str], list[str]]:
@@ -55,26 +85,16 @@ def add_contacts(
         return [], [], []
     m, contacts, numbers, along, compliance = e.mechanism, laws.contacts, laws.numbers, laws.along, laws.compliance
     freely, alpha = with_outer_forces(laws.free_accelerations), e.constraints.alpha
-    pairs = combinations(range(len(contacts)), 2)
-    coupled = any(c.normal for c in contacts) or any(compliance.has_nz(i, j) for i, j in pairs)
-    if coupled or e.constraints.residuals.numel() or m.orientations:
-        why = "that act on each other" if coupled else "beside constraints or orientations"
-        listed = ", ".join(c.name for c in contacts)
-        raise ComponentError(f"{e.name}: Modelica text takes no contacts ({listed}) {why}; import its FMU")
+    _refuse_coupled_contacts(e, contacts, compliance)
     declarations, initial, clauses = list[str](), list[str](), list[str]()
     for i, c in enumerate(contacts):
         n, row = c.name, i - len(m.unilaterals) if c.friction else i
-        v, a, rate = (n, f"{n}_dot", unit[n]) if c.friction else (f"{n}_dot", f"{n}_ddot", units.rate(unit[n]))
+        v, a = (n, f"{n}_dot") if c.friction else (f"{n}_dot", f"{n}_ddot")
         own = {v: numbers["v"][i], a: m.dot(numbers["v"][i]), f"{v}_scale": numbers["rate_scale"][i]}
-        unit |= {v: rate, a: units.rate(rate), f"{v}_scale": rate}
-        unit[f"{n}_mass"] = units.quotient(unit[f"{n}_force"], unit[a])
-        if c.friction:
-            own |= {f"{n}_static": numbers["stick"][row], f"{n}_sliding": numbers["slide"][row]}
-            unit |= dict.fromkeys((f"{n}_static", f"{n}_sliding"), unit[f"{n}_force"])
-        else:
-            own |= {n: numbers["gap"][row], f"{n}_scale": numbers["scale"][row]}
-            own[f"{n}_restitution"] = numbers["restitution"][row]
-            unit |= {f"{n}_scale": unit[n], f"{n}_restitution": "1"}
+        own |= {
+            f"{n}{ending}": numbers[name][row] for ending, name in (_OF_FRICTION if c.friction else _OF_GAP).items()
+        }
+        _add_units(unit, n, v, a, friction=c.friction)
         section.add_rows([*own, f"{n}_mass"], ca.vertcat(*own.values(), 1 / compliance[i, i]))
         impulse = f"{n}_mass*{v}" if c.friction else f"(pre({n}_impulse) - {n}_impulse)"
         jumps = [

@@ -1,13 +1,13 @@
 """Operators: the signal with its derivatives, and flanges that follow it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
 
 import casadi as ca
 
 from liaisons.algebra import stack
 from liaisons.expressions import interpret
-from liaisons.language import Operator, Variable
+from liaisons.language import Operator, Symbol, Variable
 from liaisons_exchange.modelica_text.text import (
     Section,
     bound_assertions,
@@ -44,17 +44,14 @@ end entry;"""
 _FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} flange({2}=y[1]); end {0};'
 
 
-def operator_classes(component: type[Operator]) -> list[str]:
-    """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
-    operator, layout = component(), component().layout()
-    operator.lookups = []
-    object.__setattr__(operator, "signal", partial(_with_if_else, operator.signal))
-    columns = [stack(operator.triple()), operator.internal_rate_column()]
-    # Rows of a table change without an event.
-    section = Section(Notation.from_component(component), {"t": "time"}, events=not operator.lookups)
-    symbols, entries = [], []
-    read = {x.element_hash() for x in ca.symvar(stack(columns))}
-    for count, lookup in enumerate(operator.lookups, start=1):
+def _table_entries(operator: Operator, section: Section, read: Collection[int]) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Add statements that look entries of tables up; return symbols of the signal, and those of the entries for them.
+
+    :param read: hashes of the symbols that the signal reads.
+    """
+    symbols: list[ca.SX] = []
+    entries: list[ca.SX] = []
+    for count, lookup in enumerate(operator.lookups or (), start=1):
         section.add(f"instant_{count}", lookup.time)
         for ahead, row in enumerate((lookup.begin, lookup.end)):
             for symbol, column in zip(ca.vertsplit(row), lookup.columns, strict=True):
@@ -64,6 +61,18 @@ def operator_classes(component: type[Operator]) -> list[str]:
                     read_at = f"instant_{count}, {operator.table[0].name}, {column}, {ahead}"
                     rests = "true" if lookup.rests else "false"
                     section.statements.append(f"{entries[-1]} = entry({read_at}, {rests});")
+    return symbols, entries
+
+
+def operator_classes(component: type[Operator]) -> list[str]:
+    """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
+    operator, layout = component(), component().layout()
+    operator.lookups = []
+    object.__setattr__(operator, "signal", partial(_with_if_else, operator.signal))
+    columns = [stack(operator.triple()), operator.internal_rate_column()]
+    # Rows of a table change without an event.
+    section = Section(Notation.from_component(component), {"t": "time"}, events=not operator.lookups)
+    symbols, entries = _table_entries(operator, section, {x.element_hash() for x in ca.symvar(stack(columns))})
     triple, rates = (ca.substitute(x, stack(symbols), stack(entries)) for x in columns)
     section.add_rows((f"der({state.name})" for state in component.internal_states), rates)
     section.add_rows((f"y[{i}]" for i in (1, 2, 3)), triple)
@@ -77,14 +86,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     without = [x.name for x in (*layout.parameters, *layout.inputs, *component.internal_states)]
     declarations = [
         *constants,
-        *(
-            f'input Real {declaration(v.name, v.unit)} = {number_literal(v.starts[0])} "{v.description}";'
-            for v in layout.inputs
-        ),
-        *(
-            f"Real {declaration(x.name, x.unit, x.description, start=f'{x.name}_0')};"
-            for x in component.internal_states
-        ),
+        *_input_and_state_declarations(layout.inputs, component.internal_states),
         *component_clause("Real", section.variables_except(*without, "time", "y")),
         'output Real y[3] "signal, first and second derivative";',
     ]
@@ -100,6 +102,13 @@ def operator_classes(component: type[Operator]) -> list[str]:
         _FOLLOWER.format("Translational", "Translation", "s"),
         _FOLLOWER.format("Rotational", "Rotation", "phi"),
     ]
+
+
+def _input_and_state_declarations(inputs: Iterable[Variable], states: Iterable[Symbol]) -> Iterator[str]:
+    for v in inputs:
+        yield f'input Real {declaration(v.name, v.unit)} = {number_literal(v.starts[0])} "{v.description}";'
+    for x in states:
+        yield f"Real {declaration(x.name, x.unit, x.description, start=f'{x.name}_0')};"
 
 
 def _with_if_else(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:

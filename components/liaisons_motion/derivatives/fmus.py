@@ -234,12 +234,7 @@ class FmuMotion:
             ]
             states, calls = len(equations.x), count()
 
-            def derivatives_by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
-                """Derivatives of a function of the equations by each value, from differences."""
-                return [
-                    extrapolated_derivative(lambda h, fmus=fmus: function(fmus[h]), change.sum())[0]
-                    for fmus, change in zip(neighbours, changes, strict=True)
-                ]
+            derivatives_by_values = partial(_derivatives_by_values, neighbours, [change.sum() for change in changes])
 
             def rates_and_outputs(t: float, z: Floats, end: float) -> Floats:
                 """Rates and outputs in the first column, their derivatives by the values in the others."""
@@ -312,3 +307,18 @@ def fmu_motion(
                 equations.checked_jacobian()
                 return replace(motion, method="directional derivatives")
     return motion
+
+
+def _derivatives_by_values(
+    neighbours: Sequence[Mapping[float, FmuEquations]],
+    changes: Sequence[float],
+    function: Callable[[FmuEquations], Floats],
+) -> list[Floats]:
+    """Derivatives of a function of the equations by each value, from differences.
+
+    :param neighbours: of each value: multiple of its change -> the equations there.
+    """
+    return [
+        extrapolated_derivative(lambda h, fmus=fmus: function(fmus[h]), change)[0]
+        for fmus, change in zip(neighbours, changes, strict=True)
+    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -69,12 +69,9 @@ def motion_of(
         foreign = _subject_of_runs(subject)
         if foreign is None:
             raise
-        if operators:
-            raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
-        from liaisons_motion.derivatives.fmus import fmu_motion
-
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
-        return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
+        points = recorded_times(times, start_time)
+        return _motion_of_runs(foreign, by, points, operators, tolerance=tolerance, **options)
     moved = continuous.moved_by(operators)
     model, moving = moved.model, moved.moving
     driven = name_dictionary("inputs", inputs or {})
@@ -84,16 +81,8 @@ def motion_of(
     _refuse_inputs(model, driven, moving)
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
-    values: dict[str, float] = {}
-    for name, value in {**moved.starts, **name_dictionary("start_values", start_values or {})}.items():
-        elements = _variable_names(model, name, variables)
-        _refuse_operator(name, value)
-        array = float_array(name, value)
-        if array.shape not in ((), (len(elements),)):
-            raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
-        values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
-    for name, value in values.items():
-        check_domain(model.name, name, variables[name], value)
+    given = {**moved.starts, **name_dictionary("start_values", start_values or {})}
+    values = _values_by_element(model, given, variables)
     names = dict.fromkeys(
         element for name in name_list("by", by) for element in _variable_names(model, name, variables)
     )
@@ -111,16 +100,7 @@ def motion_of(
         record=tuple(signals),
         driven=tuple(driven),
     )
-    breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
-    columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
-    columns += [breaks, *(_interval_coefficients(polynomial, breaks) for polynomial in driven.values())]
-    table = np.ascontiguousarray(np.column_stack(columns))
-    sides = (
-        [_interval_coefficients(p, np.nextafter(breaks, end))[:, :2] for end in (-np.inf, np.inf)]
-        for p in driven.values()
-    )
-    jumped = [np.abs(after - before) > ROUNDING_OF_INPUTS * (1 + np.abs(before)) for before, after in sides]
-    jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
+    breaks, table, jumps = _table([values[name] for name in shared], driven, start_time)
     own = {name: variables[name] for name in names}
     described = own | {name: outputs[name] for name in signals}
     motion = DifferentiableMotion(
@@ -142,6 +122,61 @@ def motion_of(
     from liaisons_motion.derivatives.contact_motion import with_contacts
 
     return with_contacts(motion, shared, tuple(driven))
+
+
+def _motion_of_runs(
+    subject: System | Path,
+    by: str | Iterable[str],
+    times: Floats,
+    operators: object,
+    **options: Any,
+) -> FmuMotion:
+    """Motion of FMUs whose runs are differentiated.
+
+    :raises SimulationError: if operators are given, too.
+    """
+    if operators:
+        raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
+    from liaisons_motion.derivatives.fmus import fmu_motion
+
+    return fmu_motion(subject, by, times, **options)
+
+
+def _values_by_element(
+    model: Model, given: Mapping[str, ArrayLike], variables: Mapping[str, Variable]
+) -> dict[str, float]:
+    """Values by the names of scalars, each in its domain."""
+    values: dict[str, float] = {}
+    for name, value in given.items():
+        elements = _variable_names(model, name, variables)
+        _refuse_operator(name, value)
+        array = float_array(name, value)
+        if array.shape not in ((), (len(elements),)):
+            raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
+        values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
+    for name, value in values.items():
+        check_domain(model.name, name, variables[name], value)
+    return values
+
+
+def _table(shared: Sequence[float], driven: Mapping[str, PPoly], start_time: float) -> tuple[Floats, Floats, Floats]:
+    """What the motion reads of its inputs.
+
+    :param shared: values that do not change.
+    :returns: breaks [s]; a row for each of values, start time, break and coefficients of the polynomials behind it; and
+        those breaks [s] at which an input or its rate jumps.
+    """
+    breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
+    columns = [np.full(len(breaks), number) for number in (*shared, start_time)]
+    columns += [breaks, *(_interval_coefficients(polynomial, breaks) for polynomial in driven.values())]
+    table = np.ascontiguousarray(np.column_stack(columns))
+    sides = (
+        [_interval_coefficients(p, np.nextafter(breaks, end))[:, :2] for end in (-np.inf, np.inf)]
+        for p in driven.values()
+    )
+    jumped = [np.abs(after - before) > ROUNDING_OF_INPUTS * (1 + np.abs(before)) for before, after in sides]
+    jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
+    return breaks, table, jumps
 
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:

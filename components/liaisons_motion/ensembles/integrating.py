@@ -111,29 +111,20 @@ def ensemble(
         found_component(component), "an ensemble", "take sweep(), which runs its FMU", allow_contacts=True
     ).moved_by(operators)
     model, variables = moved.model, moved.variables
-    for name in name_dictionary("start_values", start_values):
-        if name not in variables:
-            raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
+    _check_names(model.name, variables, start_values)
     if method is not None:
         check_choice("method", method, tuple(METHODS))
         model.refuse_contacts(f"method = {method!r}", "leave it out: members take the steps of its FMU")
-    if threads is not None:
-        check_integer("threads", threads)
-    checked_stop_and_step(start_time, stop_time, step_size)
     check_integer("samples", samples)
-    if not (stop_time - start_time) / step_size < (_MOST_EVENT_STEPS if model.contacts else _MOST_STEPS):
-        raise SimulationError(
-            f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
-        )
+    _check_steps(start_time, stop_time, step_size, _MOST_EVENT_STEPS if model.contacts else _MOST_STEPS)
     arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
     count = _case_count(model.name, {name: array for name, array in arrays.items() if array.ndim})
     names = tuple(moved.coordinates_and_momenta if record is None else name_list("record", record))
-    threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
     try:
         if samples * count > _MOST_NUMBERS:
             raise MemoryError
         time = np.linspace(start_time, stop_time, samples + 1)
-        cases = _Cases(moved, arrays, count, names, time, step_size, threads)
+        cases = _Cases(moved, arrays, count, names, time, step_size, _thread_count(threads))
         if model.contacts:
             fine, failures, errors = _integrate_by_fmu(cases, estimate=estimate)
         else:
@@ -370,3 +361,32 @@ def _run_failures(outputs: Floats, conditions: Floats, texts: tuple[str, ...], t
             if first < failures.get(case, (len(time), ""))[0]:
                 failures[case] = (first, text.format(time[first]))
     return failures
+
+
+def _check_names(title: str, variables: Iterable[str], start_values: Mapping[str, ArrayLike]) -> None:
+    """Check that all values are of variables that can be set.
+
+    :raises ComponentError: naming one that is not.
+    """
+    for name in name_dictionary("start_values", start_values):
+        if name not in variables:
+            raise ComponentError(f"{title} has no value {name!r} to set{suggestion(name, variables)}")
+
+
+def _thread_count(asked: int | None) -> int:
+    """Number of threads: as asked, else one a core."""
+    if asked is not None:
+        check_integer("threads", asked)
+    return min(asked or os.cpu_count() or 1, _MOST_THREADS)
+
+
+def _check_steps(start_time: float, stop_time: float, step_size: float, most: float) -> None:
+    """Check that there are not too many steps from start to stop [s].
+
+    :raises SimulationError: if there are, or for a bad number.
+    """
+    checked_stop_and_step(start_time, stop_time, step_size)
+    if not (stop_time - start_time) / step_size < most:
+        raise SimulationError(
+            f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
+        )

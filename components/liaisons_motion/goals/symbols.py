@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -267,19 +267,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
     states = tuple(state.name for state in flat.states[:-2])
     quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
-    values = {} if goal.is_expression(goal.start) else goal.start
-    start = _values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
-    oriented = [(axes, _unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
-    start |= {axis: float(x) for axes, unit in oriented for axis, x in zip(axes, unit, strict=True)}
     rates = set(start_parameters) - set(states)
-    moved = {end for move in goal.moves for end in port_names(move)[:2]} | {*goal.controls}
-    variables_at_start = {*states, *rates, *moved, *quaternions}
-    for key in start:
-        if key not in variables_at_start:
-            raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
-    for key in moved & start.keys():
-        if start[key] is not None:
-            _value_range(name, "start", key, start[key])
+    start = _start_values(goal, flat, quaternions, {*states, *rates})
     parameters |= {start_parameters[rate]: _finite_number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
     started = (key for key in states if key in start_parameters and isinstance(start.get(key), (int, float)))
     parameters |= {start_parameters[key]: float(start[key]) for key in started}
@@ -303,6 +292,29 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
         motion=tuple(ca.SX.sym(name, len(goal.driven)) for name in port_names("sigma")[:3]),  # type: ignore[arg-type]
     )
+
+
+def _start_values(
+    goal: Goal, flat: Model, quaternions: Mapping[str, Sequence[str]], own: Collection[str]
+) -> dict[str, Any]:
+    """Values of a goal's start by the names of scalars, those of attitudes among them.
+
+    :param own: states, and rates at the start.
+    :raises PlanError: for another name, or a value that is not allowed.
+    """
+    name, values = component(goal.component).__name__, {} if goal.is_expression(goal.start) else goal.start
+    start = _values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
+    oriented = [(axes, _unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
+    start |= {axis: float(x) for axes, unit in oriented for axis, x in zip(axes, unit, strict=True)}
+    moved = {end for move in goal.moves for end in port_names(move)[:2]} | {*goal.controls}
+    variables_at_start = {*own, *moved, *quaternions}
+    for key in start:
+        if key not in variables_at_start:
+            raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
+    for key in moved & start.keys():
+        if start[key] is not None:
+            _value_range(name, "start", key, start[key])
+    return start
 
 
 def _values_by_element(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:

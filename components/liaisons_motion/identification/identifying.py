@@ -31,7 +31,7 @@ from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.mechanics import Model
 from liaisons_motion.identification.fits import Fit
-from liaisons_motion.identification.measurements import measurements, noise_levels
+from liaisons_motion.identification.measurements import Measurements, measurements, noise_levels
 from liaisons_motion.identification.minimising import LOSSES
 from liaisons_motion.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, smoothed_values
 from liaisons_motion.identification.searching import parameter_estimate
@@ -108,14 +108,8 @@ def identify(
     """
     names = name_list("unknown", unknown, IdentificationError)
     values = dict(merged_start_values("identify", start_values, keywords, IdentificationError))
-    check_choice("loss", loss, tuple(LOSSES), IdentificationError)
-    check_positive("tolerance", tolerance, IdentificationError)
-    check_positive("time_limit", time_limit, IdentificationError)
+    _check_settings(loss, tolerance, time_limit, start_time, segments)
     deadline = time.monotonic() + time_limit
-    if start_time is not None:
-        check_finite("start_time", start_time, IdentificationError)
-    if segments is not None:
-        check_integer("segments", segments, IdentificationError)
     continuous = continuous_model(
         subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, allow_contacts=True
     )
@@ -123,32 +117,17 @@ def identify(
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
     )
-    begins = [float(one.times[0]) if start_time is None else start_time for one in experiments]
-    experiments = tuple(replace(one, start_time=begin) for one, begin in zip(experiments, begins, strict=True))
-    for experiment in experiments:
-        begin, first = experiment.start_time, experiment.times[0]
-        if experiment.inputs and first > begin:
-            words = f"drives from {first:g} s on, after start_time = {begin:g}; give start_time, or leave it out"
-            raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
-        if first < begin:
-            raise IdentificationError(f"{experiment.title}: time begins at {first:g} s, before start_time = {begin:g}")
+    experiments = tuple(_begun(one, start_time) for one in experiments)
     variables = continuous.moved_by(operators, IdentificationError).variables
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, name_list("each", each, IdentificationError))
     starts = unknowns.numbers_by_element("start_values", values)
-    unsure = noise is None and any(experiment.signals for experiment in experiments)
-    levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits(
         {} if bounds is None else bounds, min(float(e.times[0]) - e.start_time for e in experiments)
     )
-    outputs = {variable.name for variable in model.outputs}
-    started = {p.name: output for p in model.parameters if (output := _output_of_start_value(p.name)) in outputs}
+    started = _started_outputs(model)
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
-    for experiment, columns in zip(experiments, unknowns.columns, strict=True):
-        for name, column in columns.items():
-            if name in started and name not in starts and experiment.times[0] == experiment.start_time:
-                near = smoothed_values(experiment, started[name], [0], start[[column]])
-                start[column] = np.clip(near, *limits[:, column])[0]
+    _begin_at_measurements(start, experiments, unknowns, limits, {n: o for n, o in started.items() if n not in starts})
     problem = FittingProblem(
         subject=subject,
         measurements=experiments,
@@ -157,7 +136,7 @@ def identify(
         columns=unknowns.columns,
         start=start,
         limits=limits,
-        noise=levels,
+        noise=_noise_levels(noise, experiments),
         priors=tuple(unknowns.priors({} if prior is None else prior)),
         loss=loss,
         starts=started,
@@ -166,12 +145,82 @@ def identify(
         tolerance=tolerance,
         deadline=deadline,
     )
+    return _fit(problem, segments, model.name)
+
+
+def _fit(problem: FittingProblem, segments: int | None, title: str) -> Fit:
+    """Solve a problem.
+
+    :raises IdentificationError: if it has no solution, or least squares do not converge.
+    """
     _check_solvable(problem)
     fit = Fit(parameter_estimate(problem, segments))
     if message := fit.estimate.minimum.message:
         words = "give other start values, or segments of multiple shooting"
-        raise IdentificationError(f"{model.name}: {message} {words}", fit)
+        raise IdentificationError(f"{title}: {message} {words}", fit)
     return fit
+
+
+def _check_settings(
+    loss: str, tolerance: float, time_limit: float, start_time: float | None, segments: int | None
+) -> None:
+    """Check the settings that are numbers or a choice.
+
+    :raises IdentificationError: naming one that is not allowed.
+    """
+    check_choice("loss", loss, tuple(LOSSES), IdentificationError)
+    check_positive("tolerance", tolerance, IdentificationError)
+    check_positive("time_limit", time_limit, IdentificationError)
+    if start_time is not None:
+        check_finite("start_time", start_time, IdentificationError)
+    if segments is not None:
+        check_integer("segments", segments, IdentificationError)
+
+
+def _begun(experiment: Measurements, start_time: float | None) -> Measurements:
+    """An experiment with the time of its start values [s].
+
+    :raises IdentificationError: if the measurements begin before it, or their driving columns after it.
+    """
+    first = experiment.times[0]
+    begin = float(first) if start_time is None else start_time
+    if experiment.inputs and first > begin:
+        words = f"drives from {first:g} s on, after start_time = {begin:g}; give start_time, or leave it out"
+        raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
+    if first < begin:
+        raise IdentificationError(f"{experiment.title}: time begins at {first:g} s, before start_time = {begin:g}")
+    return replace(experiment, start_time=begin)
+
+
+def _started_outputs(model: Model) -> dict[str, str]:
+    """Name of a start value -> the output that begins with it."""
+    outputs = {variable.name for variable in model.outputs}
+    return {p.name: output for p in model.parameters if (output := _output_of_start_value(p.name)) in outputs}
+
+
+def _noise_levels(noise: Any, experiments: Sequence[Measurements]) -> Any:
+    """Standard deviations of the signals of each experiment; None where they are to be estimated."""
+    if noise is None and any(experiment.signals for experiment in experiments):
+        return None
+    return tuple(noise_levels(noise, experiment) for experiment in experiments)
+
+
+def _begin_at_measurements(
+    start: Floats,
+    experiments: Iterable[Measurements],
+    unknowns: _Unknowns,
+    limits: Floats,
+    started: Mapping[str, str],
+) -> None:
+    """Begin the search of start values at what was measured first.
+
+    :param started: start values -> outputs that begin with them.
+    """
+    for experiment, columns in zip(experiments, unknowns.columns, strict=True):
+        for name, column in columns.items():
+            if name in started and experiment.times[0] == experiment.start_time:
+                near = smoothed_values(experiment, started[name], [0], start[[column]])
+                start[column] = np.clip(near, *limits[:, column])[0]
 
 
 def identify_from_file(path: Path | str) -> Fit:

@@ -46,6 +46,58 @@ class _SearchEnd(Exception):  # noqa: N818 - not an error
     """Ends the search, with a minimum as its argument."""
 
 
+@final
+class _Search:
+    """Residuals and derivatives as SciPy asks for them, of the unknowns that are not held.
+
+    :ivar free: indices of these.
+    :ivar refused: latest unknowns for which there is no motion, and the error.
+    """
+
+    def __init__(self, objective: Objective, start: Floats, held: Collection[int]) -> None:
+        self._objective, self._start, self._loss = objective, start, objective.problem.loss
+        self.free = np.setdiff1d(np.arange(len(start)), list(held))
+        self._first, _ = objective(start)
+        self.refused: list[tuple[Floats, LiaisonsError]] = []
+
+    def all_values(self, unknowns: Floats) -> Floats:
+        """Values of all unknowns, from those that are not held."""
+        values = self._start.copy()
+        values[self.free] = unknowns
+        return values
+
+    @property
+    def first_cost(self) -> float:
+        """Cost at the start."""
+        return self._cost(self._first)
+
+    def _cost(self, residuals: Floats) -> float:
+        """Half the sum of the losses."""
+        return float(LOSSES[self._loss](residuals**2)[0].sum() / 2)
+
+    def residuals_or_nan(self, unknowns: Floats) -> Floats:
+        """Residuals; not-a-number outside of the domain, after which SciPy tries a shorter step."""
+        try:
+            return self._objective(self.all_values(unknowns))[0]
+        except LiaisonsError as error:
+            self.refused[:] = [(unknowns.copy(), error)]
+            return np.full_like(self._first, np.nan)
+
+    def derivatives_or_end(self, unknowns: Floats) -> Floats:
+        """Derivatives of the residuals; a _SearchEnd where the cost can fall by rounding only, or at the deadline."""
+        values = self.all_values(unknowns)
+        residuals, derivatives = self._objective(values)
+        gradient, curvature = loss_derivatives(self._loss, residuals)
+        weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
+        lowered = np.linalg.qr(weights[:, None] * derivatives[:, self.free])[0].T @ (gradient / weights)
+        least = self._cost(residuals)
+        if float(lowered @ lowered) / 2 <= _COST_ROUNDING * least:
+            raise _SearchEnd(Minimum(values, least, ""))
+        if time.monotonic() > self._objective.problem.deadline:
+            raise _SearchEnd(Minimum(values, least, "time_limit has passed;"))
+        return derivatives[:, self.free]
+
+
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
     """Minimum of the cost near a start.
 
@@ -56,49 +108,15 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     :raises LiaisonsError: if residuals have no value at the start.
     """
     typical = np.abs(objective.rounded_to_zero(start))
-    free = np.setdiff1d(np.arange(len(start)), list(held))
-    first, _ = objective(start)
-    refused: list[tuple[Floats, LiaisonsError]] = []
-
-    def all_values(unknowns: Floats) -> Floats:
-        """Values of all unknowns, from those that are not held."""
-        values = start.copy()
-        values[free] = unknowns
-        return values
-
-    def cost(residuals: Floats) -> float:
-        """Half the sum of the losses."""
-        return float(LOSSES[objective.problem.loss](residuals**2)[0].sum() / 2)
-
-    def residuals_or_nan(unknowns: Floats) -> Floats:
-        """Residuals; not-a-number outside of the domain, after which SciPy tries a shorter step."""
-        try:
-            return objective(all_values(unknowns))[0]
-        except LiaisonsError as error:
-            refused[:] = [(unknowns.copy(), error)]
-            return np.full_like(first, np.nan)
-
-    def derivatives_or_end(unknowns: Floats) -> Floats:
-        """Derivatives of the residuals; a _SearchEnd where the cost can fall by rounding only, or at the deadline."""
-        values = all_values(unknowns)
-        residuals, derivatives = objective(values)
-        gradient, curvature = loss_derivatives(objective.problem.loss, residuals)
-        weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
-        lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
-        least = cost(residuals)
-        if float(lowered @ lowered) / 2 <= _COST_ROUNDING * least:
-            raise _SearchEnd(Minimum(values, least, ""))
-        if time.monotonic() > objective.problem.deadline:
-            raise _SearchEnd(Minimum(values, least, "time_limit has passed;"))
-        return derivatives[:, free]
-
+    search = _Search(objective, start, held)
+    free = search.free
     if not free.size:
-        return Minimum(start.copy(), cost(first), "")
+        return Minimum(start.copy(), search.first_cost, "")
     try:
         solution: Any = least_squares(
-            residuals_or_nan,
+            search.residuals_or_nan,
             start[free],
-            derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
+            search.derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
             loss=objective.problem.loss,  # type: ignore[arg-type]  # one of the names that SciPy has
             x_scale=np.where(typical[free] == 0, 1.0, typical[free]),
@@ -109,7 +127,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         )
     except _SearchEnd as end:
         return end.args[0]
-    return Minimum(all_values(solution.x), float(solution.cost), _failure_message(solution, refused))
+    return Minimum(search.all_values(solution.x), float(solution.cost), _failure_message(solution, search.refused))
 
 
 def _failure_message(solution: Any, refused: Sequence[tuple[Floats, LiaisonsError]]) -> str:

@@ -75,6 +75,25 @@ def declared_system(word: str) -> System | None:
     return system if isinstance(system, System) else None
 
 
+def _end_and_step_size(
+    word: str, system: System, begin: float, stop: float | None, step: float | None, *, single: bool
+) -> tuple[float, float]:
+    """End and step size [s]: given ones, else those of the experiment; a system that has none takes usual ones."""
+    system.filled()
+    experiment = ssp.effective_experiment(replace(system.document, experiment=system.experiment), begin, stop, step)
+    end, size = experiment.stop_time, experiment.step_size
+    if end is None or size is None:
+        if single:
+            raise ProjectError(f"{Path(word).name} does not say when to end, or by which steps; add --stop and --step")
+        end = begin + _SPAN if end is None else end
+        size = (end - begin) / _STEPS if size is None else size
+        words = (
+            "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
+        )
+        logger.warning(words, Path(word).name, end, size)
+    return end, size
+
+
 def requested_simulation(
     word: str,
     starts: Sequence[Any],
@@ -111,18 +130,7 @@ def requested_simulation(
     given = span_of_tables(inputs) if start is None else None
     if given and given[0] > begin:  # the clock begins where the table begins
         begin, stop = given[0], given[1] if stop is None else stop
-    system.filled()
-    experiment = ssp.effective_experiment(replace(system.document, experiment=own), begin, stop, step)
-    end, size = experiment.stop_time, experiment.step_size
-    if end is None or size is None:
-        if single:
-            raise ProjectError(f"{Path(word).name} does not say when to end, or by which steps; add --stop and --step")
-        end = begin + _SPAN if end is None else end
-        size = (end - begin) / _STEPS if size is None else size
-        words = (
-            "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
-        )
-        logger.warning(words, Path(word).name, end, size)
+    end, size = _end_and_step_size(word, system, begin, stop, step, single=single)
     driven = prescribed_inputs(system, inputs, begin, end, single=single, join=join, smoothing=smoothing)
     _refuse_ignored_starts(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -124,29 +125,42 @@ def simulate(
         print(f"diagram: {diagram}")
     figure = None if plot is None else Path(plot or f"{asked.system.name}.png")
     _check_writable(csv, parquet, figure)
-
-    def print_and_write(result: Result, extent: str = "") -> None:
-        """Print the table of a result and write its files."""
-        shown, contradictions = _without_mismatches(result, names or ())
-        print_table(shown.summary())
-        for line in contradictions:
-            print(line)
-        for title, file, save in (
-            ("signals", csv, lambda path: shown.to_csv(path, plain=plain)),
-            ("signals", parquet, shown.to_parquet),
-            ("figure", figure, lambda path: shown.plot(path=path)),
-        ):
-            if file:
-                save(file)
-                print(f"{title}: {file}{extent}")
-
+    write = partial(_print_and_write, names=names or (), csv=csv, parquet=parquet, figure=figure, plain=plain)
     try:
         result = asked.run(progress=asked.steps > 1e4, verify=verify)
     except (IncompleteError, Interrupted) as error:
-        print_and_write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
+        write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
-    print_and_write(result)
+    write(result)
     return 0
+
+
+def _print_and_write(
+    result: Result,
+    extent: str = "",
+    *,
+    names: Collection[str],
+    csv: Path | None,
+    parquet: Path | None,
+    figure: Path | None,
+    plain: bool,
+) -> None:
+    """Print the table of a result and write its files.
+
+    :param extent: words for a result that ends early; ``names``: signals that were asked for.
+    """
+    shown, contradictions = _without_mismatches(result, names)
+    print_table(shown.summary())
+    for line in contradictions:
+        print(line)
+    for title, file, save in (
+        ("signals", csv, lambda path: shown.to_csv(path, plain=plain)),
+        ("signals", parquet, shown.to_parquet),
+        ("figure", figure, lambda path: shown.plot(path=path)),
+    ):
+        if file:
+            save(file)
+            print(f"{title}: {file}{extent}")
 
 
 def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
