@@ -13,7 +13,7 @@ from liaisons import ActiveCoordinate, Coordinate, LiaisonsError, Mechanism, Par
 from liaisons.library import catalogue, component
 from liaisons.testing import component_test
 from liaisons_motion.examination.motions import EquationsOfMotion
-from liaisons_motion.examination.statements import statements
+from liaisons_motion.examination.statements import odd_factors, statements
 from liaisons_motion.examination.trials import trials_of
 from liaisons_tools.cli import main
 
@@ -110,6 +110,16 @@ def test_formulas_of_the_docstring_are_read() -> None:
         def dissipation_function(self) -> ca.SX:
             return self.damper / 2 * self.dot(self.x - self.wind) ** 2
 
+    class Doubled(Sled):
+        """The same with a mass and a spring of another factor."""
+
+        def kinetic_energy(self) -> ca.SX:
+            return self.mass * self.dot(self.x) ** 2
+
+        def potential_energy(self) -> ca.SX:
+            return self.stiffness * self.x**2
+
+    assert (odd_factors(Sled()), odd_factors(Doubled())) == (0, 2)
     assert statements(Sled()) == {
         "m x'' = -k x - 2 c (x' - w')": False,
         "T = ½ m x'²": True,

@@ -22,7 +22,7 @@ from liaisons.closed_forms import ClosedForm
 from liaisons.language import Component, Mechanism
 from liaisons_motion.examination.edits import Edit, edits_of, unit_edits
 from liaisons_motion.examination.motions import EquationsOfMotion
-from liaisons_motion.examination.statements import statements
+from liaisons_motion.examination.statements import odd_factors, statements
 from liaisons_motion.examination.terms import missing_terms
 from liaisons_motion.examination.trials import Trial, solution_of, times_of, trials_of
 
@@ -148,8 +148,8 @@ def causes(
             continue
         worst = search.difference_with(edit)
         if worst is not None and worst <= 1:
-            gained = () if edit.method == name else search.statements_with(edit)
-            repairs.append(_Repair(edit, worst, gained))
+            gained, odd = ((), 0) if edit.method == name else search.evidence_with(edit)
+            repairs.append(_Repair(edit, worst, gained, odd))
     return [_cause(search.source, repair, trials) for repair in _ranked(repairs, name)]
 
 
@@ -180,9 +180,9 @@ def causes_of_statements(
             break
         if edit.method == name:
             continue
-        gained = search.statements_with(edit)
+        gained, odd = search.evidence_with(edit)
         if sum(gained) > 0 and search.is_harmless(edit):
-            repairs.append(_Repair(edit, 0.0, gained))
+            repairs.append(_Repair(edit, 0.0, gained, odd))
     return [_cause(source, repair, trials) for repair in _ranked(repairs, name)]
 
 
@@ -219,6 +219,7 @@ class _Repair:
     edit: Edit
     worst: float
     statements: Sequence[int] = ()
+    odd: int = 0  # factors that are not ½ before squares
 
 
 @final
@@ -261,18 +262,22 @@ class _Search:
             take_back()
         return True
 
-    def statements_with(self, edit: Edit) -> Sequence[int]:
-        """For each statement of the docstring 1 if it holds with a change only, -1 if it does without it only."""
-        if not self.stated:
-            return ()
+    def evidence_with(self, edit: Edit) -> tuple[Sequence[int], int]:
+        """For each statement of the docstring 1 if it holds with a change only, -1 if it does without it only.
+
+        Second, how many factors are odd with it.
+        """
+        if not issubclass(self.source.component, Mechanism):
+            return (), 0
         take_back = edit.swap()
         try:
-            changed = statements(self.source.mechanism(edit.method))
+            changed = self.source.mechanism(edit.method)
+            holding, odd = statements(changed) if self.stated else {}, odd_factors(changed)
         except Exception:  # noqa: BLE001 - as above
-            changed = {}
+            holding, odd = dict[str, bool](), 0
         finally:
             take_back()
-        return [changed.get(text, False) - holds for text, holds in self.stated.items()]
+        return [holding.get(text, False) - holds for text, holds in self.stated.items()], odd
 
     def _difference(self, method: str) -> float | None:
         """The same with the source as it is now, of which one method was changed."""
@@ -306,10 +311,10 @@ class _Search:
 def _ranked(repairs: Sequence[_Repair], name: str) -> Sequence[_Repair]:
     """One repair a line: those first with which more of the docstring holds, then the first of each side."""
     by_line: dict[int, _Repair] = {}
-    for repair in sorted(repairs, key=lambda r: (-sum(r.statements), r.edit.rank)):
+    for repair in sorted(repairs, key=lambda r: (-sum(r.statements), r.odd, r.edit.rank)):
         by_line.setdefault(repair.edit.line, repair)
     heads = {repair.edit.method == name: repair for repair in reversed(by_line.values())}.values()
-    return sorted(by_line.values(), key=lambda r: (-sum(r.statements), r not in heads, r.edit.rank))
+    return sorted(by_line.values(), key=lambda r: (-sum(r.statements), r not in heads, r.odd, r.edit.rank))
 
 
 def _cause(source: Source, repair: _Repair, trials: Sequence[Trial]) -> Cause:

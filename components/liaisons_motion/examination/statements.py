@@ -5,13 +5,14 @@ from __future__ import annotations
 import inspect
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any, final
 from zlib import crc32
 
 import casadi as ca
+import numpy as np
 
 from liaisons.language import Mechanism
 
@@ -21,6 +22,8 @@ _TOKEN = re.compile(
 )
 _FUNCTIONS = {name: getattr(ca, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "sqrt", "log")}
 _LETTERS = {"mass": "m", "length": "l", "radius": "R", "stiffness": "k", "inertia": "I"}
+_SQUARES = {"kg": "m", "kg.m2": "rad", "N/m": "m", "N.m/rad": "rad"}
+"""Units of the coordinates whose squares, or squares of rates, a parameter multiplies."""
 _CONSTANT = re.compile(r"\s*(?:is|are|stays?|remains?)\s+(?:constant|conserved|what it was|as it was)|\s*=\s*const")
 _REGIME = re.compile(
     r"\b(small|fixed|rest|if|where|when|constant|linear|limit|above|below|for|near)\b|\bat\s*$", re.IGNORECASE
@@ -44,6 +47,36 @@ def statements(mechanism: Mechanism) -> dict[str, bool]:
     reader = _Reader(inspect.getdoc(type(mechanism)) or "", known, mechanism, laws)
     list(reader.equations())  # what is defined after its use
     return {text: _agree(reader.by_law(left), reader.by_law(right)) for text, left, right in reader.equations()}
+
+
+def odd_factors(m: Mechanism) -> int:
+    """Return how many masses, moments of inertia and stiffnesses have another factor than ½ before a square.
+
+    A square is that of a length, an angle, their rates, or the speed of a declared point.  As sums of two parts are odd
+    as well, only the difference of two counts says something.
+    """
+    if not m.has_energies() or m.orientations:
+        return 0
+    q, rates = ca.vertcat(m.free.q, m.active.s), ca.vertcat(m.free.q_dot, m.active.s_dot)
+    units = {item.name: item.unit for item in (*m.coordinates, *m.actives)}
+    speeds, ratios = [m.speed_squared(getattr(m, item.name)) for item in m.points], list[ca.SX]()
+    for item in m.parameters:
+        if item.unit in _SQUARES and item.name in m.symbols:
+            is_mass, unit = item.unit.startswith("kg"), _SQUARES[item.unit]
+            factor = ca.jacobian(ca.SX(m.kinetic_energy() if is_mass else m.potential_energy()), m.symbols[item.name])
+            pairs = zip(ca.vertsplit(rates if is_mass else q), ca.vertsplit(q), strict=True)
+            ratios += [ca.jacobian(ca.gradient(factor, x), x) for x, c in pairs if units.get(str(c)) == unit]
+            ratios += [2 * factor / speed for speed in speeds if item.unit == "kg"]
+    column = ca.vertcat(*ratios)
+    symbols = ca.symvar(column)
+    evaluate = ca.Function("ratios", symbols, [column])
+    first, second = (np.array(evaluate.call(_values(symbols, k))[0]).ravel() for k in (0, 1))
+    return int(np.sum((np.abs(first - second) < 1e-9) & (np.abs(first) > 1e-9) & (np.abs(first - 1) > 1e-9)))
+
+
+def _values(symbols: Sequence[ca.SX], k: int) -> list[float]:
+    """Values of symbols by their names, in the k-th state."""
+    return [0.4 + crc32(f"{k}{s}".encode()) % 997 / 1994 for s in symbols]
 
 
 def _symbols(m: Mechanism) -> dict[str, ca.SX]:
@@ -86,7 +119,7 @@ def _agree(left: ca.SX, right: ca.SX) -> bool:
     symbols = ca.symvar(ca.vertcat(left, right))
     evaluate = ca.Function("sides", symbols, [left, right])
     for k in range(3):
-        a, b = map(float, evaluate.call([0.4 + crc32(f"{k}{s}".encode()) % 997 / 1994 for s in symbols]))
+        a, b = map(float, evaluate.call(_values(symbols, k)))
         if not abs(a - b) <= 1e-9 * (abs(a) + abs(b) + 1e-3):
             return False
     return True
