@@ -253,7 +253,7 @@ class Observer:
         for m in self.model.sampled.moves:
             system.connect(parts[f"{self.name}_{m}"]["y"], part[m])
         for force in self.model.sampled.controls:
-            system.connect(parts[f"{self.name}_{force}"]["force" if self.motion else "held"], part[force])
+            system.connect(parts[f"{self.name}_{force}"]["held"], part[force])
         return part
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:

@@ -87,10 +87,15 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
 
 
 def _refuse_plan(caller: str, motion: Plan) -> None:
-    """Raise an error for a plan with phases, or of forces beside motions whose rates jump."""
+    """Raise an error for a plan with phases, or of forces beside motions that are observed or whose rates jump."""
     if motion.goal.phases:
         raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
-    if motion.goal.moves and motion.goal.controls and motion.problem.control_order < 2:
+    is_mixed = motion.goal.moves and motion.goal.controls
+    if is_mixed and caller == "observe":  # what is estimated there is not what it says of its errors
+        raise PlanError(
+            f"{caller} takes no plan of forces beside prescribed motions: plan one of both; or hold it alone"
+        )
+    if is_mixed and motion.problem.control_order < 2:
         rates = ", ".join(f"{move}_ddot" for move in motion.goal.moves)
         words = f"moved coordinates or their rates jump beside forces: weigh or bound {rates} in the plan"
         raise PlanError(f"{motion.problem.name}: {caller}: {words}")

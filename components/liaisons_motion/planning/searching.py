@@ -70,6 +70,8 @@ class SearchConstants:
     """Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
     most_intervals: int = 100
     """Largest number of intervals of a refined mesh, ten times the coarse one: at order 10 1e-10 of its error."""
+    most_intervals_of_arcs: int = 300
+    """The same of several arcs, of which those are refined along which the Hamiltonian varies."""
     extremal_variation: float = 1e-3
     """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
     singular_mass: float = 1e-3
@@ -289,10 +291,12 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
         solution = _insert_arcs(solution, clock)
     while accuracy is not None and solution.finished:
         trajectory = solution.trajectory
-        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
         is_extremal = largest_hamiltonian_range(solution) <= tolerance
-        if interval_count(arcs) > SEARCH.most_intervals or (is_extremal and _satisfies_equations(solution)):
+        arcs = _finer_arcs(solution, tolerance)
+        is_one_mesh = len(arcs) == 1 or problem.phases
+        most = SEARCH.most_intervals if is_one_mesh else SEARCH.most_intervals_of_arcs
+        if interval_count(arcs) > most or (is_extremal and _satisfies_equations(solution)):
             break
         finer = solve(problem, trajectory.interpolated(arcs, trajectory.durations), clock, is_near=True)
         if not finer.succeeded:
@@ -301,6 +305,17 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
             break  # the barrier of gaps that close prevails
         solution = finer if len(arcs) > 1 else _insert_arcs(finer, clock)
     return solution
+
+
+def _finer_arcs(solution: Solution, tolerance: float) -> tuple[Arc, ...]:
+    """Arcs with twice as many intervals where the Hamiltonian varies by more than the tolerance; all if nowhere."""
+    arcs = solution.trajectory.arcs
+    cuts = np.cumsum([arc.intervals * DEGREE for arc in arcs])[:-1]
+    varies = [float(np.ptp(part)) > tolerance for part in np.split(solution.hamiltonian, cuts)]
+    is_finer = varies if any(varies) and not solution.problem.phases else [True] * len(arcs)
+    return tuple(
+        replace(arc, intervals=arc.intervals * (1 + refined)) for arc, refined in zip(arcs, is_finer, strict=True)
+    )
 
 
 def _insert_arcs(solution: Solution, clock: Clock) -> Solution:

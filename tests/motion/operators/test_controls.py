@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from liaisons import Controller, Plan, from_control, hold, observe, plan, simula
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.library import model
 from liaisons.linkages import Body, Linkage, Prismatic, Revolute, ground
+from liaisons_motion.planning.searching import refuse_singularity
 
 from .conftest import verified
 
@@ -301,6 +303,20 @@ def test_a_pole_that_a_cart_swings_up_is_held_there(swing_up: Plan) -> None:
     assert np.abs(run["CartPole.rail_force"]).max() <= 20
 
 
+@pytest.mark.slow
+def test_a_motor_at_its_bounds_swings_a_furuta_pendulum_up_in_least_time() -> None:
+    end = {"turn": 0.0, "turn_dot": 0.0, "swing": np.pi, "swing_dot": 0.0}
+    motion = plan("FurutaPendulum", controls="turn_force", start={"turn": 0.0, "swing": 0.0}, end=end, tries=1,
+                  duration=(0.3, 5.0), minimize="time", bounds={"turn_force": (-0.2, 0.2)}, time_limit=400)  # fmt: skip
+    verdicts = motion.verify(time_limit=900)
+    assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))
+    run, solution = motion.replay(), motion.solution
+    assert_allclose([run[name][-1] for name in end], [*end.values()], rtol=0, atol=1e-9)
+    torques, price = solution.trajectory.controls[0], solution.adjoints[motion.problem.states.index("p_turn")]
+    assert_allclose(torques, -0.2 * np.sign(price), rtol=1e-9)  # what a torque is worth says on which side it is
+    assert len(motion.switches) == np.count_nonzero(np.diff(np.sign(price)))
+
+
 class Crane(Linkage):
     """Trolley that a motor drives along a girder, with friction, and a load on a rope."""
 
@@ -338,6 +354,8 @@ def test_a_force_is_planned_beside_a_prescribed_motion() -> None:
     assert motion.cost < alone.cost, "one control more costs no more"
     held = hold(motion)
     verified(held)
+    with pytest.raises(PlanError, match="observe takes no plan of forces beside prescribed motions"):
+        hold(motion, measured="theta", noise={"theta": 0.01})
     assert held.trajectory.after == "rests"
     assert held.trajectory.motion[1, 0, -1] == pytest.approx(G * np.sin(0.5), rel=1e-9), "what weight needs there"
     run = held.simulate(6.0, theta_0=0.1)
@@ -376,6 +394,16 @@ def test_two_forces_follow_a_plan_in_steps_shorter_than_the_period() -> None:
     held = hold(motion, step_size=0.0099)
     assert np.diff(held.trajectory.times).max() < 0.0099
     verified(held)
+
+
+def test_forces_have_no_mass_that_could_vanish() -> None:
+    motion = plan("Oscillator", controls="x_force", start={"x": 1.0, "x_dot": 0.0}, end={"x": 0.0}, duration=1.0)
+    blurred = motion.solution.hamiltonian * np.linspace(1, 2, motion.solution.hamiltonian.size)
+    refuse_singularity(replace(motion.solution, hamiltonian=blurred))
+    with pytest.raises(
+        PlanError, match="hold: moved coordinates or their rates jump beside forces: weigh or bound x_ddot"
+    ):
+        hold(replace(motion, goal=replace(motion.goal, moves=("x",))))
 
 
 @pytest.mark.parametrize("mechanism", ["FurutaPendulum", "CartPole"])
