@@ -154,8 +154,7 @@ class Run:
 
     def _set_and_step(self, free: Sequence[FreeInput], values: Collection[ArrayLike]) -> None:
         """Set inputs whose values have changed, and step to the next communication point."""
-        if self._closed or self._lost:
-            self._require_open()
+        self._require_open()
         changed = self._stepping.changed_inputs(free, values)
         try:
             self._stepping.step(changed)
