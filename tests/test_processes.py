@@ -31,6 +31,7 @@ subprocess.run([sys.executable, "-c", sys.argv[1], str(os.getpid()), *sys.argv[2
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.variants(core=2)
 @pytest.mark.parametrize("way", ["by the kernel", "watched"])
 def test_process_ends_with_its_killed_parent(way: str) -> None:
     read, write = os.pipe()  # the child holds its end until it is gone
