@@ -253,6 +253,8 @@ def test_progress(pendulum, capsys, monkeypatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     sweep(pendulum, CASES, ["theta"], progress=True, **SPAN)
     assert "12 of 12 cases" in capsys.readouterr().err
+    sweep(pendulum, {"theta_0": [1.0]}, ["theta"], **SPAN)
+    assert capsys.readouterr().err == ""  # unless it is asked for
 
 
 @pytest.mark.parametrize(
