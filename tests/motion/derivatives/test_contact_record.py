@@ -49,6 +49,7 @@ def test_impacts_of_a_ball() -> None:
     assert (first["mode"][2], first["approaches"][2], first["counts"][2]) == (1, 1, 1)
     assert first["mode"][3] == 0  # it is in the air again
     assert events["kind"].tolist() == [Kind.SETTLED, Kind.STRUCK, Kind.SETTLED]
+    assert events["which"].tolist() == [-1, -1, 0]
     np.testing.assert_allclose(events["time"], [1.0, 2.6 * FALL, 2.6 * FALL], rtol=1e-12)
     np.testing.assert_allclose(acts["impulse"][1], 0.8 * 1.8 * 9.81 * FALL, rtol=1e-12)
 

@@ -175,6 +175,32 @@ def test_what_a_table_does_not_touch_when_it_jumps() -> None:
         sensitivities("BouncingBall", "gravity", times=[1.2], record="height", inputs={"table": up}, height_0=0.0)
 
 
+def test_a_table_that_begins_to_rise_strikes_what_lies_on_it() -> None:
+    """From 1 s on at 0.5 m/s: e/2 faster than the table it leaves, back after e/g, and e²/2 faster it leaves again."""
+    rise = PPoly(np.array([[0.0, 0.5], [0.0, 0.0]]), [0, 1.0, 3.0])
+    at, times = {"bounce": 0.6, "gravity": 9.81}, [0.9, 1.05, 1.09]
+    s = sensitivities(
+        "BouncingBall",
+        list(at),
+        times=times,
+        record="height",
+        inputs={"table": rise},
+        height_0=0.0,
+        start_values=at,
+    )
+    np.testing.assert_allclose(s["height"][:2], [0, 0.04 - 9.81 / 800], rtol=1e-11, atol=1e-13)
+
+    def height_above(t: float, *, bounce: Any, gravity: Any) -> Any:
+        rate, since = bounce / 2, mp.mpf(t) - 1
+        if since > bounce / gravity:
+            rate, since = bounce**2 / 2, since - bounce / gravity
+        return (mp.mpf(t) - 1) / 2 + rate * since - gravity / 2 * since**2
+
+    for by in at:
+        exact = [slopes(lambda t=t, **x: height_above(t, **x), at, by) for t in times[1:]]
+        np.testing.assert_allclose(s.derivative("height", by), [0, *exact], rtol=1e-9, atol=1e-13)
+
+
 # ---- dry friction
 
 BELT = {"mu_static": 0.3, "mu_sliding": 0.2, "belt_dot": 0.2, "x_0": 0.0, "x_dot_0": 0.2}
