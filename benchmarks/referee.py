@@ -42,6 +42,10 @@ def measure(quick: bool, plots: Path) -> list[Row]:
     for task in tasks:
         _plot(task, [column[task] for column in cells.values() if task in column], plots)
     (plots / "referee_errors.md").write_text(_tables(cells, [*tasks]), encoding="utf-8")
+    if not (folder / "public.json").exists():
+        subprocess.run([sys.executable, "-m", "referee.public", str(folder)], cwd=HERE, check=False)
+    if (folder / "public.json").exists():
+        (plots / "referee_public.md").write_text(_public(folder / "public.json"), encoding="utf-8")
     references = json.loads((folder / "references.json").read_text(encoding="utf-8"))
     rows = [
         Row("References, relative", f"{task}: {name}", value, "")
@@ -80,13 +84,19 @@ def _rows(cell: dict[str, Any]) -> list[Row]:
 
 
 def _error(value: float | None) -> str:
-    return "–" if value is None else "lost" if value > 1e3 else f"{value:.0e}".replace("e-0", "e-").replace("e+00", "")
+    return (
+        "–"
+        if value is None
+        else "lost"
+        if value > 1e3
+        else f"{value:.0e}".replace("e-0", "e-").replace("e+00", "").replace("e+0", "e")
+    )
 
 
 def _tables(cells: dict[str, dict[str, dict[str, Any]]], tasks: list[str]) -> str:
-    """Motion, force and work by way and task, at the smallest step; time as a ratio, the median of tasks."""
+    """Motion and force by way and task, at the smallest step; time as a ratio, the median of tasks."""
     text = ""
-    for k, kind in enumerate(ASKED):
+    for k, kind in enumerate([*ASKED][:2]):
         lines = [[f"error of {kind}", *tasks, "time"], ["---"] * (len(tasks) + 2)]
         for way, column in cells.items():
             points = [cell["points"][-1] for cell in column.values() if cell["points"]]
@@ -98,6 +108,21 @@ def _tables(cells: dict[str, dict[str, dict[str, Any]]], tasks: list[str]) -> st
     return text
 
 
+def _public(path: Path) -> str:
+    """Motion / force by file and way."""
+    found = json.loads(path.read_text(encoding="utf-8"))
+    lines = [["file", *next(iter(found.values()))], ["---"] * 6]
+    for name, row in found.items():
+        cells = [
+            " / ".join(_error(None if math.isnan(e) else e) for e in said)
+            if isinstance(said, list)
+            else str(said or "no root joint")
+            for said in row.values()
+        ]
+        lines.append([f"{name}.xml", *cells])
+    return "\n".join(f"| {' | '.join(line[:6])} |" for line in lines) + "\n"
+
+
 def _cell(cell: dict[str, Any] | None, kind: int) -> str:
     if cell is None:
         return "not measured"
@@ -106,6 +131,8 @@ def _cell(cell: dict[str, Any] | None, kind: int) -> str:
 
 def _plot(task: str, cells: Sequence[dict[str, Any]], folder: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), sharex=True, layout="constrained")
+    for axis in axes:
+        axis.set_prop_cycle(color=plt.colormaps["tab20"].colors)
     for cell in cells:
         times = [point["seconds"] for point in cell["points"]]
         for k, axis in enumerate(axes):
@@ -115,7 +142,7 @@ def _plot(task: str, cells: Sequence[dict[str, Any]], folder: Path) -> None:
     for kind, axis in zip(ASKED, axes, strict=True):
         axis.set(title=f"{task}: {kind}", xlabel="processor time [s]", ylabel="error, relative")
     figure.legend(loc="outside right center", fontsize="small")
-    figure.savefig(folder / f"referee_{task.replace(' ', '_')}.png", dpi=60)
+    figure.savefig(folder / f"referee_{task.replace(' ', '_')}.png", dpi=80)
     plt.close(figure)
 
 

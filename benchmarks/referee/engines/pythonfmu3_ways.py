@@ -27,7 +27,7 @@ def _built() -> tuple[Any, str]:
 
 def written(task: Task, step: float, *, runge: bool) -> Run:
     if task.lagrange is None:
-        raise CannotError("not written: equations are the user's")
+        raise CannotError("not written")
     description, folder = _built()
     reference = {variable.name: variable.valueReference for variable in description.modelVariables}
     n, fmu = len(task.motions), instantiate_fmu(folder, description, fmi_type="CoSimulation")
