@@ -369,19 +369,19 @@ class Reader:
         return NONE if before == after else OBEYED
 
 
-TITLE = """# What is read of SSP
+TITLE = """# Which parts of SSP are read
 
-Each element and attribute of the schemas of SSP 1.0 and 2.0, one at a time in a small archive. What is obeyed changes
-the start values, connections, conversions or the experiment of the system, as a unit of another kind does, which is
-refused as such. What is listed is left out, and a warning says so. What is refused is an error that names it. Sets,
-mappings and dictionaries inside the structure are read like those in files.
+Each element and attribute of the SSP 1.0 and 2.0 schemas was tried, one at a time, in a small archive. *Obeyed* means
+that it changes the start values, connections, conversions or the experiment of the system; a unit of the wrong kind
+is refused for that reason. *Listed* means that it is ignored, with a warning. *Refused* means an error that names it.
+Sets, mappings and dictionaries inside the structure are read like those in files.
 
-Without meaning for a motion, besides those in the table, are what draws (geometries, `GraphicalElements`), documents
-(`id`, `description`, `author`, `fileversion`, `copyright`, `license`, `generationTool`, `generationDateAndTime`), and
-belongs to other tools (`Annotations`, `MetaData`, `Signature`; step sizes in the annotations of OSP and OMSimulator are
-read). In the table: types, sizes and the numbers of items of enumerations are those of the FMUs; signals of a
-dictionary go as they are connected; the content of a file says what it is. A unit of a component's connector is refused
-if it is not that of its FMU.
+Besides those in the table, these have no meaning for a motion: what is for drawing (geometries, `GraphicalElements`),
+for documentation (`id`, `description`, `author`, `fileversion`, `copyright`, `license`, `generationTool`,
+`generationDateAndTime`), and for other tools (`MetaData`, `Signature`, and `Annotations` except the step sizes of OSP
+and OMSimulator, which are read). In the table, types, sizes and numbers of enumeration items are taken from the FMUs;
+the direction of a dictionary's signals follows from their connections; the kind of a file is recognized from its
+content. A unit of a component's connector is refused if it differs from that of its FMU.
 """
 
 

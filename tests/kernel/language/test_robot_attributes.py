@@ -330,7 +330,7 @@ def title(name: str, source: str, besides: str, peer: str, notes: str) -> str:
     """Beginning of a page, before its table."""
     text = f"""Each attribute of {source}, one at a time in a small model. What is obeyed gives the mass matrix,
     accelerations, limits{besides} of {peer} to nine digits, or the picture. What is listed stands in `left_out` of the
-    [class](../howto/build-a-linkage.md#from-a-robots-file), which the commands print, and not in the equations; what is
+    [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print, and not in the equations; what is
     in such elements goes with them. What would move the bodies, and a linkage has not, is refused, unless you leave it
     out by its name: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
     return f"# What is read of {name}\n\n{textwrap.fill(' '.join(text.split()), 116)}\n\n{notes.strip()}\n"
