@@ -87,7 +87,7 @@ def _error(value: float | None) -> str:
     return (
         "–"
         if value is None
-        else "lost"
+        else "> 1000"
         if value > 1e3
         else f"{value:.0e}".replace("e-0", "e-").replace("e+00", "").replace("e+0", "e")
     )
@@ -101,8 +101,9 @@ def _tables(cells: dict[str, dict[str, dict[str, Any]]], tasks: list[str]) -> st
         for way, column in cells.items():
             points = [cell["points"][-1] for cell in column.values() if cell["points"]]
             ratios = [float(np.median(point["ratios"])) for point in points]
-            low, high = quartiles(ratios) or (math.nan,) * 2
-            time = f"{number(round(float(np.median(ratios)), 1))} ({low:.1f} .. {high:.1f})"
+            time = number(round(float(np.median(ratios)), 1)) if ratios else "–"
+            if spread := quartiles(ratios):
+                time += f" ({spread[0]:.1f} .. {spread[1]:.1f})"
             lines.append([way, *(_cell(column.get(task), k) for task in tasks), time])
         text += "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n\n"
     return text

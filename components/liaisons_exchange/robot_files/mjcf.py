@@ -120,7 +120,7 @@ class _Reader:
         robot.gravity = robot.numbers("<option>", option, "gravity", "0 0 -9.81", 3) * self._has("gravity")
         for medium in ("density", "viscosity"):
             if robot.number("<option>", option, medium):
-                why = f"{medium} = {option.get(medium)}: a medium that resists motion is none of a linkage; delete it"
+                why = f"{medium} = {option.get(medium)}: a linkage has no medium that resists motion; delete it"
                 robot.leave_out_or_refuse(medium, "<option>", why)
         for section in (section for section in robot.document if section.tag not in _SECTIONS):
             robot.list_unread(section, " ".join(section.attrib) if section.tag in ("compiler", "option") else "")

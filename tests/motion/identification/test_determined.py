@@ -18,9 +18,9 @@ PAGE = Path(__file__).parents[3] / "docs/reference/determined.md"
 HEAD = """# What measurements determine
 
 `liaisons.identify` says of each fit what the measurements do not determine: the null directions of the information
-matrix. The table shows them for the mechanisms without contacts. The unknowns are all parameters, the values at which active
-coordinates rest, and the start values of the motion where these are independent. The measurements are first all free
-coordinates over time, then these together with the forces of all operators, if there are any.
+matrix. The table shows them for the mechanisms without contacts. The unknowns are all parameters, the values at which
+active coordinates rest, and the start values of the motion where these are independent. The measurements are first all
+free coordinates over time, then these together with the forces of all operators, if there are any.
 
 | Mechanism | from coordinates | with operator forces as well |
 |---|---|---|
