@@ -162,7 +162,7 @@ def write_lesson(name: str, verdicts: str, pages: Path, shown: Path) -> None:
         page = archive.read("documentation/index.html").decode()
     equations = re.findall(r"<div class=equations>.*?</div>", page, re.DOTALL)
     text = [
-        f"# {_title(name)}",
+        f"# Lesson: {_title(name)}",
         f"**{_escaped(taught.question)}**",
         f"## Predict\n\n{_escaped(taught.predict)}",
         f"## Try it\n\n{_escaped(taught.try_out)}",
