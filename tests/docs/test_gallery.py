@@ -41,6 +41,7 @@ def test_a_page_says_and_shows_what_the_scenario_does(gallery: ModuleType, tmp_p
         )
 
 
+@pytest.mark.variants(core=0)
 @pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
 def test_a_lesson_has_question_prediction_page_answer_verdict_and_equations(
     gallery: ModuleType, tmp_path: Path

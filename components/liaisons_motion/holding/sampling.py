@@ -62,7 +62,7 @@ class SampledMechanism:
         self.symbols = symbols = goal_symbols(goal)
         self.interpolate = interpolate
         self.name, self.moves, self.controls, self.driven = symbols.name, goal.moves, goal.controls, goal.driven
-        self.interpolates_forces = interpolate and bool(goal.moves)
+        self.interpolates_forces = interpolate and bool(goal.moves and goal.controls)
         starts, start = symbols.start_parameters, symbols.start
         self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
         self.sigma = np.zeros((len(self.driven), 3))

@@ -72,6 +72,8 @@ class SearchConstants:
     """Largest number of intervals of a refined mesh, ten times the coarse one: at order 10 1e-10 of its error."""
     most_intervals_of_arcs: int = 300
     """The same of several arcs, of which those are refined along which the Hamiltonian varies."""
+    vain_refinements: int = 2
+    """Refinements of several arcs after which the Hamiltonian varies more than before: multipliers are noise there."""
     extremal_variation: float = 1e-3
     """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
     singular_mass: float = 1e-3
@@ -289,22 +291,28 @@ def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solutio
     problem = solution.problem
     if not problem.phases:
         solution = _insert_arcs(solution, clock)
+    best, vain = solution, 0
     while accuracy is not None and solution.finished:
         trajectory = solution.trajectory
         tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
-        is_extremal = largest_hamiltonian_range(solution) <= tolerance
+        variation = largest_hamiltonian_range(solution)
+        if variation <= tolerance and _satisfies_equations(solution):
+            return solution
         arcs = _finer_arcs(solution, tolerance)
         is_one_mesh = len(arcs) == 1 or problem.phases
+        is_new = is_one_mesh or len(best.trajectory.arcs) < len(arcs)
+        is_better = is_new or variation <= largest_hamiltonian_range(best)
+        best, vain = (solution, 0) if is_better else (best, vain + 1)
         most = SEARCH.most_intervals if is_one_mesh else SEARCH.most_intervals_of_arcs
-        if interval_count(arcs) > most or (is_extremal and _satisfies_equations(solution)):
+        if interval_count(arcs) > most or vain == SEARCH.vain_refinements:
             break
         finer = solve(problem, trajectory.interpolated(arcs, trajectory.durations), clock, is_near=True)
         if not finer.succeeded:
-            return replace(solution, finished=finer.finished)
-        if problem.phases and largest_hamiltonian_range(finer) > largest_hamiltonian_range(solution):
+            return replace(best, finished=finer.finished)
+        if problem.phases and largest_hamiltonian_range(finer) > variation:
             break  # the barrier of gaps that close prevails
         solution = finer if len(arcs) > 1 else _insert_arcs(finer, clock)
-    return solution
+    return best if solution.finished else solution
 
 
 def _finer_arcs(solution: Solution, tolerance: float) -> tuple[Arc, ...]:
