@@ -133,7 +133,7 @@ def _cell(cell: dict[str, Any] | None, kind: int) -> str:
 def _plot(task: str, cells: Sequence[dict[str, Any]], folder: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), sharex=True, layout="constrained")
     for axis in axes:
-        axis.set_prop_cycle(color=plt.colormaps["tab20"].colors)
+        axis.set_prop_cycle(color=list(plt.colormaps["tab20"](range(20))))
     for cell in cells:
         times = [point["seconds"] for point in cell["points"]]
         for k, axis in enumerate(axes):

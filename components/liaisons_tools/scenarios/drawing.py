@@ -104,7 +104,9 @@ def save_panel(path: Path, number: int) -> None:
     width, height = figure.get_size_inches()
     for axis in figure.axes:
         axis.set_title("")
-        axis.set_visible(axis is panel or axis.get_subplotspec() is None)  # a bar of colours has none
+        is_shown = axis is panel or axis.get_subplotspec() is None  # a bar of colours has none
+        axis.set_visible(is_shown)
+        axis.set_in_layout(is_shown)  # Matplotlib finds no box around axes in space that are invisible
         if legend := axis.get_legend():
             legend.remove()
     figure.legends.clear()

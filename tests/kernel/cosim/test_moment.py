@@ -81,7 +81,8 @@ def test_what_a_rejected_step_has_seen_is_forgotten(component: FmuPaths) -> None
     """The worst error of the estimate is that of the steps that are kept."""
     system, _ = _driven(component)
     with system.start(1.0, error_tolerance=1e-5, tolerance=1e-8) as run:
-        first, estimate = run.save(), run._observers.estimate
+        first = run.save()
+        estimate: Any = run._observers.estimate
         run.finish()
         assert estimate.worst is not None
         run.restore(first)

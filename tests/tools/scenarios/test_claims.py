@@ -9,10 +9,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from PIL import Image
 
 from liaisons import LiaisonsError, Result, Verdict
 from liaisons_tools.scenarios import Claims, dots, panels, within
-from liaisons_tools.scenarios.drawing import save
+from liaisons_tools.scenarios.drawing import save, save_panel
 
 EMPTY = Result("empty", np.ones(1), (), np.ones((0, 1)), {})
 BOUND = within(1e-3, "m", because="as the test says")
@@ -119,3 +120,13 @@ def test_panels_with_the_same_labels_share_a_legend(tmp_path: Path) -> None:
 def test_a_scenario_draws(tmp_path: Path) -> None:
     with pytest.raises(LiaisonsError, match="silent draws nothing"):
         save(tmp_path / "silent.png")
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_thumbnail_shows_one_panel_of_a_figure_with_one_in_space(number: int, tmp_path: Path) -> None:
+    flat, _, spatial = panels(("flat", "x", "y"), ("empty", "x", "y"), ("in space", "x", "y", "z"))
+    flat.plot([0, 1], [1, 2])
+    spatial.plot([0, 1], [1, 2], [2, 3])
+    save_panel(tmp_path / "small.png", number)
+    with Image.open(tmp_path / "small.png") as picture:
+        assert 100 < picture.width < 600  # of three panels: 1350
