@@ -149,7 +149,7 @@ def test_a_force_beside_a_prescribed_motion() -> None:
     assert np.abs(run["Pendulum.theta_force"]).max() > 0.1 < np.abs(run["Pendulum_pivot_x.y"]).max() + 0.1
 
 
-class Arm(Linkage):
+class MotorArm(Linkage):
     """Two links in a vertical plane, a motor in each joint."""
 
     upper = Body(mass=2.0, inertia=(0.02, 0.02, 1e-3), centre=(0.2, 0, 0))
@@ -159,7 +159,7 @@ class Arm(Linkage):
 
 
 def test_two_motors_hold_an_arm_against_its_weight() -> None:
-    held = hold(Arm, {"shoulder": 0.3, "elbow": 0.5}, controls=["shoulder_force", "elbow_force"], step_size=0.01)
+    held = hold(MotorArm, {"shoulder": 0.3, "elbow": 0.5}, controls=["shoulder_force", "elbow_force"], step_size=0.01)
     of_lower = 1.5 * G * 0.15 * np.cos(0.3 + 0.5)
     of_upper = (2.0 * 0.2 + 1.5 * 0.4) * G * np.cos(0.3)
     torques = [held.starts["shoulder_force"], held.starts["elbow_force"]]  # an angle about y lowers the arm
@@ -168,8 +168,10 @@ def test_two_motors_hold_an_arm_against_its_weight() -> None:
     own = held.simulate(1.0, shoulder_0=0.4)
     coupled = held.system(shoulder_0=0.4).simulate(1.0, 0.01, tolerance=1e-10)
     assert not coupled.warnings
-    assert_allclose(coupled["Arm.elbow"], own["Arm.elbow"], rtol=0, atol=1e-7)  # tolerance of the mechanism's solver
-    assert abs(own["Arm.shoulder"][-1] - 0.3) < 0.1 * abs(own["Arm.shoulder"][0] - 0.3)
+    assert_allclose(
+        coupled["MotorArm.elbow"], own["MotorArm.elbow"], rtol=0, atol=1e-7
+    )  # tolerance of the mechanism's solver
+    assert abs(own["MotorArm.shoulder"][-1] - 0.3) < 0.1 * abs(own["MotorArm.shoulder"][0] - 0.3)
 
 
 def test_two_angles_show_a_furuta_pendulum_that_a_torque_holds() -> None:
@@ -389,7 +391,7 @@ def test_what_a_force_beside_a_motion_cannot_hold_ends_in_motion() -> None:
 
 def test_two_forces_follow_a_plan_in_steps_shorter_than_the_period() -> None:
     still = {"shoulder_dot": 0, "elbow_dot": 0}
-    motion = plan(Arm, controls=["shoulder_force", "elbow_force"], start={"shoulder": 0.0, "elbow": 0.0},
+    motion = plan(MotorArm, controls=["shoulder_force", "elbow_force"], start={"shoulder": 0.0, "elbow": 0.0},
                   end={"shoulder": 0.7, "elbow": 0.3, **still}, duration=1.0)  # fmt: skip
     held = hold(motion, step_size=0.0099)
     assert np.diff(held.trajectory.times).max() < 0.0099
