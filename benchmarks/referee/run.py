@@ -30,7 +30,7 @@ def main(engine: str, folder: str, *options: str) -> None:
     except ImportError as error:
         raise SystemExit(f"without {engine}: {error}") from None
     found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    for task in TASKS:
+    for task in TASKS[2:3] if quick else TASKS:
         kept = {cell["way"]: cell for cell in found.get(task.name, ())}
         if missing := [way for way in ways if way.name not in kept]:
             reference = _reference(task, Path(folder) / "references.json")
@@ -43,7 +43,7 @@ def main(engine: str, folder: str, *options: str) -> None:
 def cell(task: Task, way: Way, reference: Answer, *, quick: bool) -> dict[str, Any]:
     """A task by a way: the best of its grid at each step, or why there is none."""
     points, refused = [], ""
-    for step in way.steps[: 2 if quick else None]:
+    for step in way.steps[: 1 if quick else None]:
         found: list[tuple[Run, Mapping[str, Any]]] = []
         for setting in way.settings:
             try:
