@@ -220,6 +220,20 @@ def test_picture_and_sliders_are_on_one_screen(screen: tuple[int, int], browser:
 
 @in_a_browser
 @pytest.mark.variants(core=0)
+def test_a_picture_at_rest_is_not_stretched(browser: Any, page: Page) -> None:
+    """Texts that come later, and a window of another size, change the size of the picture."""
+    with tools.opened(browser, page("Pendulum"), viewport={"width": 400, "height": 800}) as live:
+        for width in (400, 1280, 700):
+            live.page.set_viewport_size({"width": width, "height": 800})
+            live.page.wait_for_timeout(300)
+            drawn, seen = live.evaluate(
+                "(c => [[c.width, c.height], [c.clientWidth, c.clientHeight]])(document.getElementById('picture'))"
+            )
+            assert drawn == [round(side * live.evaluate("devicePixelRatio")) for side in seen]
+
+
+@in_a_browser
+@pytest.mark.variants(core=0)
 @pytest.mark.parametrize("name", lessons())
 def test_a_lesson_is_its_scenario(name: str, browser: Any, tmp_path: Path) -> None:
     taught = load_lesson(name)

@@ -56,6 +56,8 @@ class Page {
     this.unknown = this.#follow(new URLSearchParams(location.hash.slice(1) || location.search));
     this.#tell();
     addEventListener("hashchange", () => location.reload());
+    const resized = new ResizeObserver(() => this.paint()); // at rest, too: else a canvas is stretched
+    for (const id of ["picture", "plot"]) resized.observe($(id));
     requestAnimationFrame((now) => this.#frame(now));
   }
 

@@ -50,6 +50,7 @@ function play(plan) {
     last = now;
     requestAnimationFrame(frame);
   };
+  new ResizeObserver(draw).observe($("picture"));
   requestAnimationFrame(frame);
 }
 
