@@ -305,7 +305,7 @@ def page(title: str, verdicts: dict[Trial, str]) -> str:
 
 MJCF_NOTES = """
 
-Constraints are exact, where MuJoCo's are soft. Contacts between geoms and actuators are listed: instead of an
+Constraints are exact, where MuJoCo's are soft. Actuators, and contacts between geoms, are listed. Instead of an
 actuator, the input `J_force` of a joint exerts forces. Limits of joints become stops by `limits=True`. Included
 files lie in the folder of the document.
 
@@ -328,11 +328,12 @@ there, and one is empty.
 
 def title(name: str, source: str, besides: str, peer: str, notes: str) -> str:
     """Beginning of a page, before its table."""
-    text = f"""Each attribute of {source}, one at a time in a small model. What is obeyed gives the mass matrix,
-    accelerations, limits{besides} of {peer} to nine digits, or the picture. What is listed stands in `left_out` of the
-    [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print, and not in the equations; what is
-    in such elements goes with them. What would move the bodies, and a linkage has not, is refused, unless you leave it
-    out by its name: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
+    text = f"""The table lists each attribute of {source}. Each was tried by itself, in a small model. Obeyed
+    attributes affect either the picture or the equations; then mass matrix, accelerations, limits{besides} agree with
+    {peer} to nine digits. Listed attributes and elements do not enter the equations. They are named in `left_out` of
+    the [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print; what is inside a listed
+    element is left out with it. A feature that would affect the motion, but that a linkage does not have, is refused,
+    unless it is listed on request: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
     return f"# What is read of {name}\n\n{textwrap.fill(' '.join(text.split()), 116)}\n\n{notes.strip()}\n"
 
 
