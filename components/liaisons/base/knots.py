@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +70,12 @@ def knots(
     agree = _agree_with_previous(table, jumps)
     table[1:, jumps] = np.where(agree, table[1:, jumps - 1], table[1:, jumps])
     return np.delete(table, jumps[agree.all(axis=0)], axis=1)
+
+
+def complete_rows(*columns: NDArray[Any] | None) -> list[Any]:
+    """Columns without the rows in which a value of one is missing; None for a column that is None."""
+    complete = np.logical_and.reduce([np.isfinite(column) for column in columns if column is not None])
+    return [column if column is None else column[complete] for column in columns]
 
 
 def _check_curve(join: str, smoothing: float | None, *, rates: bool) -> None:

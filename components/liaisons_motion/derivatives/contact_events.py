@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias, final
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from liaisons.base.arrays import Floats
@@ -70,11 +71,8 @@ class ContactEvents:
         result, first, count = dict[str, Floats](), len(self.shared) + 2, 6
         for name in self.driven:
             coefficients, first = rows[:, first : first + count].T, first + count
-            slopes = np.zeros((count, len(rows)))
-            for order in range(count):
-                for c in coefficients[::-1]:
-                    slopes[order] = slopes[order] * times + c
-                coefficients = np.arange(1, len(coefficients))[:, None] * coefficients[1:]
+            orders = [polyval(times, polyder(coefficients, order), tensor=False) for order in range(count)]
+            slopes = np.array(orders, dtype=np.float64)
             for order, input_name in enumerate(triples.get(name, (name,))):
                 result[input_name] = np.pad(slopes[order:], ((0, order), (0, 0))).T
         return result

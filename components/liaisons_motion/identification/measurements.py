@@ -16,7 +16,7 @@ from scipy.interpolate import PPoly
 from liaisons import Result
 from liaisons.base.arguments import check_positive, float_array, name_dictionary, name_list, shown
 from liaisons.base.array_names import array_and_index
-from liaisons.base.knots import knots, piecewise_polynomial
+from liaisons.base.knots import complete_rows, knots, piecewise_polynomial
 from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table
 from liaisons.errors import IdentificationError, LiaisonsError, SimulationError, suggestion
@@ -231,10 +231,8 @@ def _driving_splines(  # noqa: PLR0917
             if moves and name in unknown:
                 raise ValueError("it moves, and is unknown; ignore it, or give it")
             if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
-                known = np.logical_and.reduce([np.isfinite(column) for column in triple if column is not None])
-                measured = (column if column is None else column[known] for column in triple)
-                given = (values[name][known],) if smoothing else measured
-                yield name, piecewise_polynomial(knots(times[known], *given, smoothing=smoothing))  # type: ignore[arg-type]
+                rows = complete_rows(times, *triple)  # rates are left out where values are smoothed
+                yield name, piecewise_polynomial(knots(*(rows[:2] if smoothing else rows), smoothing=smoothing))
 
 
 def _read_table(data: object, known: Collection[str]) -> Table:

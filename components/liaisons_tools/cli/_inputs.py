@@ -12,7 +12,7 @@ import numpy as np
 
 from liaisons import Signal, tabulated
 from liaisons.base.arrays import Floats
-from liaisons.base.knots import Join, knots, piecewise_polynomial
+from liaisons.base.knots import Join, complete_rows, knots, piecewise_polynomial
 from liaisons.base.logs import logger
 from liaisons.base.tables import Table, is_estimate, read_table
 from liaisons.errors import FormulaError, LiaisonsError, SimulationError, suggestion
@@ -212,19 +212,12 @@ def _prescribe_table(
     triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:
-        table = knots(*_complete_rows(times, columns[name]), join=join, smoothing=smoothing)
+        table = knots(*complete_rows(times, columns[name]), join=join, smoothing=smoothing)
         through, breaks = piecewise_polynomial(table), table[0, 1:][np.diff(table[0]) == 0]
         prescribed.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
-        rows = _complete_rows(times, columns[name], *beside)
+        rows = complete_rows(times, columns[name], *beside)
         prescribed.operators.setdefault(owner, {})[port] = tabulated(*rows, join=join, smoothing=smoothing)
     return set(ports) - rates | triples.keys()
-
-
-def _complete_rows(times: Floats, values: Floats, *beside: Floats | None) -> list[Any]:
-    """Times, values and rates where none is missing."""
-    columns = [times, values, *beside]
-    complete = np.logical_and.reduce([np.isfinite(column) for column in columns if column is not None])
-    return [column if column is None else column[complete] for column in columns]

@@ -151,17 +151,19 @@ def show(
         page = load_lesson(fmu).show(output or f"{fmu}.html").path
     else:
         shown, rest = resolved_subject(fmu, starts)
-        moves: dict[str, Any] | None = {}
-        if inputs:
+        asked = None
+        if inputs or not (live or others):
             asked = requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
+        moves: dict[str, Any] | None = {}
+        if asked and inputs:
             span = asked.settings["start_time"], asked.settings["stop_time"]
             moves = tabulated_inputs(asked.settings["inputs"], *span) if live and asked.fmu else None
             rest = {**(asked.start_values or {}), **(moves or {})}
-        if (live or others) and moves is not None:
+        if asked is None or (live and moves is not None):
             page = show(shown, *others, path=output, start_values=rest, **contents).path
         else:
             page = output or default_page_path(shown)
-            requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join).run().animate(page)
+            asked.run().animate(page)
             cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
             remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")
