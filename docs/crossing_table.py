@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 WORKS, OTHERWISE, REFUSED = "works", "works by another method", "refused"
 _SIGNS = {WORKS: "✓", OTHERWISE: "≈", REFUSED: "–"}
-_INTRODUCTION = """# Crossings
+_INTRODUCTION = """# Compatibility: what works with what
 
-What can be done (rows) with each kind of subject (columns).  ✓ works, ≈ works by another method, – is refused by the
-sentence that the number leads to.  Every cell is tried by a test: what works is held against something that shares no
-code with it, and is named below its table; what is refused raises that sentence.  A component is of a kind by what it
-declares: one that a [package publishes](../howto/publish.md) works as one of the catalogue does.
+The rows are functions, the columns kinds of models.  ✓ means that the function works, ≈ that it works by another
+method, and – that it is refused; the number leads to the method or the error message.  A test tries every cell.  It
+compares results with something that shares no code with liaisons and is named below the table, and it expects the
+error message of each refusal.  The kind of a component follows from what it declares, so that a component of [your own
+package](../howto/publish.md) works like one of the catalogue.
 """
 
 
@@ -124,10 +125,10 @@ def page() -> str:
             for name, (title, _) in capabilities.items()
         ]
         parts += [f"## {group}\n", f'<table class="crossings">\n<tr><th></th>{head}</tr>', *rows, "</table>\n"]
-        parts += ["What works is held against:\n", *_against(capabilities, kinds), ""]
-    parts.append("## Other methods, and sentences of refusals\n")
+        parts += ["Results are compared with:\n", *_against(capabilities, kinds), ""]
+    parts.append("## Other methods, and error messages\n")
     parts += [f'<p id="crossing-{i}"><small>{i}</small> {escape(remark)}</p>' for i, remark in enumerate(remarks, 1)]
-    parts.append("\n## What stands for a kind\n")
+    parts.append("\n## Example of each kind\n")
     parts += [f"- {title}: {subject}" for title, subject in table()["kinds"].values()]
     return "\n".join(parts) + "\n"
 

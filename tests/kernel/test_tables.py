@@ -58,8 +58,8 @@ NAN = float("nan")
 JUMP = "time,length,theta\n0,1,0.2\n0.5,1,0.1\n0.5,2,0.1\n1,2,0.1\n"
 PROPERTIES = [
     Property("names above, SI units", PLAIN),
-    Property("a clock called `t`", PLAIN.replace("time", "t")),
-    Property("a clock called `Time`", PLAIN.replace("time", "Time")),
+    Property("time column `t`", PLAIN.replace("time", "t")),
+    Property("time column `Time`", PLAIN.replace("time", "Time")),
     Property("time in another column", "length,time,theta\n1,0,0.2\n1.25,0.5,0.1\n1.125,1,0.3\n"),
     Property("units behind names, `length [mm]`", _rows("time,length [mm],theta", ("1000,0", "1250,0", "1125,0"))),
     Property("units in parentheses, `length (mm)`", _rows("time,length (mm),theta", ("1000,0", "1250,0", "1125,0"))),
@@ -77,10 +77,10 @@ PROPERTIES = [
         _rows("time,length [kg],theta"),
         "column length: unit 'kg' cannot be converted to 'm'",
         {"result": "as written"},
-        "`from_csv` knows no variables: units are kept, and `compare` converts or refuses them",
+        "`from_csv` does not know the variables; it keeps the units, and `compare` converts or refuses them",
     ),
     Property(
-        "a time that is none",
+        "a time in a unit of another quantity",
         _rows("time [kg],length,theta"),
         "column time: unit 'kg' cannot be converted to 's'",
     ),
@@ -90,15 +90,15 @@ PROPERTIES = [
         "unit 'furlong' is not understood",
         {"result": "as written"},
     ),
-    Property("too few units", _rows("time,length,theta\n# s,mm"), "line 2: 2 units for 3 columns"),
+    Property("fewer units than columns", _rows("time,length,theta\n# s,mm"), "line 2: 2 units for 3 columns"),
     Property(
-        "a unit in both places",
+        "different units in both places",
         _rows("time,length [mm],theta\n# s,m,rad"),
         "column length: in mm above, in m below",
         {"result": "as written"},
     ),
     Property("semicolons", _rows("time,length,theta", sign=";").replace("time,length,theta", "time;length;theta")),
-    Property("tabulators", PLAIN.replace(",", "\t")),
+    Property("tabs", PLAIN.replace(",", "\t")),
     Property("decimal commas between semicolons", PLAIN.replace(",", ";").replace(".", ",")),
     Property("decimal commas in quotes", 'time,length,theta\n0,1,0\n"0,5","1,25",0\n1,"1,1250",0\n'),
     Property(
@@ -107,21 +107,21 @@ PROPERTIES = [
         "line 3, column 2: '1,125': a decimal sign, or a separator of thousands",
     ),
     Property(
-        "decimal commas beside points",
+        "decimal commas and decimal points",
         "time;length;theta\n0;1.0;0\n0,5;1;0\n",
         "line 2, column 2: '1.0': a decimal sign, or",
     ),
     Property("the first line of Excel, `sep=;`", "sep=;\n" + PLAIN.replace(",", ";")),
     Property("a byte order mark", "\ufeff" + PLAIN),
-    Property("line ends of Windows", PLAIN.replace("\n", "\r\n")),
+    Property("line ends as in Windows", PLAIN.replace("\n", "\r\n")),
     Property("quoted names and cells", PLAIN.replace("length", '"length"').replace("1.25", '"1.25"')),
     Property("a quote that does not end", PLAIN.replace("1.25", '"1.25'), "unexpected end of data"),
-    Property("comments, `#` first", "# an old remark\n" + PLAIN.replace("\n0.5", "\n# begin, here\n0.5")),
+    Property("comments that begin with `#`", "# an old remark\n" + PLAIN.replace("\n0.5", "\n# begin, here\n0.5")),
     Property("names in a comment, as `numpy.savetxt` writes them", "# " + PLAIN),
     Property("empty lines, and lines of empty cells", PLAIN.replace("\n0.5", "\n\n,,\n0.5")),
     Property("a separator at the end of each line", PLAIN.replace("\n", ",\n")),
     Property("a column without a name", _rows(",time,length").replace("\n", ",\n"), "column 1 has no name"),
-    Property("a column that is there twice", _rows("time,length,length"), "twice|each once"),
+    Property("two columns of the same name", _rows("time,length,length"), "twice|each once"),
     Property(
         "an unknown column",
         _rows("time,lenght,theta"),
@@ -130,19 +130,19 @@ PROPERTIES = [
         "`ignore=[...]` of `identify` leaves columns out",
     ),
     Property(
-        "an estimate of a result",
+        "error estimates of a result",
         "time,length,theta,coupling_error\n0,1,0,0\n0.5,1.25,0,1e-9\n1,1.125,0,1e-9\n",
         listed=True,
     ),
     Property("a row with too few cells", PLAIN + "2,1\n", "line 5: 2 numbers for 3 columns"),
     Property(
-        "a text", PLAIN.replace("1.25", "long"), "column length: line 3: could not convert string to float: 'long'"
+        "text", PLAIN.replace("1.25", "long"), "column length: line 3: could not convert string to float: 'long'"
     ),
     Property(
         "a date", PLAIN.replace("\n0.5", "\n2024-05-01"), "column time: line 3: could not convert string to float"
     ),
     Property(
-        "an error of a spreadsheet",
+        "an error value of a spreadsheet",
         PLAIN.replace("\n0.5", "\n#N/A"),
         "column time: line 3: could not convert string to float: '#N/A'",
     ),
@@ -150,7 +150,7 @@ PROPERTIES = [
         "`1_250`", PLAIN.replace("1.25", "1_25"), "column length: line 3: could not convert string to float: '1_25'"
     ),
     Property(
-        "a number that no double holds",
+        "a number too large for a double",
         PLAIN.replace("1.25", "1e999"),
         "column length: line 3: more than a number can be",
     ),
@@ -169,7 +169,7 @@ PROPERTIES = [
             "identify": (TIMES, [1.0, 1.0625, 1.125]),
             "result": (TIMES, [1.0, NAN, 1.125]),
         },
-        "of what is measured, `identify` does without; what drives passes over it, and this is said",
+        "`identify` ignores missing measurements; the curve of an input passes over the gap, with a warning",
     ),
     Property(
         "`NaN`, `NA`, `null`",
@@ -187,7 +187,7 @@ PROPERTIES = [
         "column length: line 4: a value is missing at an end or a jump",
         {"result": (TIMES, [1.0, 1.25, NAN])},
     ),
-    Property("an instant that is missing", PLAIN.replace("\n0.5", "\n"), "column time: line 3: a value is missing"),
+    Property("a missing instant", PLAIN.replace("\n0.5", "\n"), "column time: line 3: a value is missing"),
     Property(
         "instants that do not ascend",
         PLAIN.replace("\n0.5", "\n2"),
@@ -266,23 +266,23 @@ def test_a_property_of_tables(what: Property, reader: str, tmp_path: Path) -> No
         np.testing.assert_allclose(got, right, rtol=1e-15)  # a conversion rounds once
 
 
-PAGE_TEXT = """# Tables
+PAGE_TEXT = """# Tables: CSV, Parquet, units
 
-One reader serves `--input` of `liaisons simulate`, `identify`, `compare`, `Result.from_csv`, `from_parquet`: CSV with
-commas, semicolons or tabulators; Parquet; where arrays are taken, data frames of pandas, too. What it obeys, lists as
-left out, or refuses by file, line and column, is tried by `tests/kernel/test_tables.py`, which wrote this list:
+`liaisons simulate --input`, `identify`, `compare`, `Result.from_csv` and `from_parquet` read tables in the same way. A
+table is CSV with commas, semicolons or tabs, or Parquet, or, where arrays are accepted, a pandas data frame. Each line
+of the list below is tested, and the list is written, by `tests/kernel/test_tables.py`. *Obeyed* means that the numbers
+are right, *listed* that a message says what is left out, *refused* that an error names file, line and column.
 
-| in the table | `--input` | `identify` | `from_csv`, `compare` | |
+| property of the table | `--input` | `identify` | `from_csv`, `compare` | remark |
 |---|---|---|---|---|
 {}
 
 Numbers are converted to the unit that the FMU declares, from SI units with the prefixes k, c, m, µ, n, and from `g`,
-`deg`, `rev`, `rpm`, `min` and `h`. With `--input`, columns of outputs are left out, and this is said; a table that
-begins at 5 s starts the run at 5 s, and one of `identify` its motion. `compare` converts the second file to the units
-of the first.
+`deg`, `rev`, `rpm`, `min` and `h`. `--input` leaves out columns of outputs, with a warning. If a table begins at 5 s,
+the run, or the motion that `identify` fits, starts at 5 s. `compare` converts the second file to the units of the first.
 
-What a command writes, all commands read. FMPy reads CSV without comments only: `--plain`, in Python
-`result.to_csv(path, plain=True)`, leaves units and notes out, for its `--input-file`.
+All commands can read what any of them writes. FMPy reads only CSV without comments. For its `--input-file`, `--plain`,
+in Python `result.to_csv(path, plain=True)`, leaves out units and notes.
 """
 
 

@@ -369,19 +369,21 @@ class Reader:
         return NONE if before == after else OBEYED
 
 
-TITLE = """# Which parts of SSP are read
+TITLE = """# SSP: which elements and attributes are read
 
 Each element and attribute of the SSP 1.0 and 2.0 schemas was tried, one at a time, in a small archive. *Obeyed* means
 that it changes the start values, connections, conversions or the experiment of the system; a unit of the wrong kind
 is refused for that reason. *Listed* means that it is ignored, with a warning. *Refused* means an error that names it.
 Sets, mappings and dictionaries inside the structure are read like those in files.
 
-Besides those in the table, these have no meaning for a motion: what is for drawing (geometries, `GraphicalElements`),
-for documentation (`id`, `description`, `author`, `fileversion`, `copyright`, `license`, `generationTool`,
-`generationDateAndTime`), and for other tools (`MetaData`, `Signature`, and `Annotations` except the step sizes of OSP
-and OMSimulator, which are read). In the table, types, sizes and numbers of enumeration items are taken from the FMUs;
-the direction of a dictionary's signals follows from their connections; the kind of a file is recognized from its
-content. A unit of a component's connector is refused if it differs from that of its FMU.
+Some further elements and attributes have no meaning for a motion. They are meant for drawing (geometries,
+`GraphicalElements`), for documentation (`id`, `description`, `author`, `fileversion`, `copyright`, `license`,
+`generationTool`, `generationDateAndTime`), or for other tools (`MetaData`, `Signature`, and `Annotations` except the
+step sizes of OSP and OMSimulator, which are read).
+
+Types, sizes and numbers of enumeration items are taken from the FMUs, the direction of a dictionary's signals from
+their connections, and the kind of a file from its content. A unit of a component's connector is refused if it differs
+from that of its FMU.
 """
 
 

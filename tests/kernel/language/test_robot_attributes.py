@@ -305,36 +305,36 @@ def page(title: str, verdicts: dict[Trial, str]) -> str:
 
 MJCF_NOTES = """
 
-Constraints are exact, where MuJoCo's are soft. Actuators, and contacts between geoms, are listed. Instead of an
-actuator, the input `J_force` of a joint exerts forces. Limits of joints become stops by `limits=True`. Included
-files lie in the folder of the document.
+Constraints are exact, while those of MuJoCo are soft. Actuators, and contacts between geoms, are listed; instead of
+an actuator, use the input `J_force` of the joint. With `limits=True`, limits of joints become stops. Included files
+must be in the folder of the document.
 
-Of public files, 13 of the 14 of Gymnasium and 14 of the 19 of dm_control's suite are read: all have the mass matrix
-and the forces (weights, centrifugal forces, springs, dampers) of MuJoCo to 1e-12 of the largest, at 20 random
-states. Of the others, `swimmer.xml` and `fish.xml` swim (`density`), the string of `ball_in_cup.xml` is a tendon
-with a limit, bodies of `dog.xml` are meshes without `<inertial>`, and `lqr.xml` has no joint until a program adds
-bodies.
+13 of the 14 files of Gymnasium and 14 of the 19 files of dm_control's suite can be read. At 20 random states of each,
+the mass matrix and the forces (weights, centrifugal forces, springs, dampers) agree with MuJoCo to 1e-12 of the
+largest. The other files need features that a linkage does not have: `swimmer.xml` and `fish.xml` a fluid (`density`),
+`ball_in_cup.xml` a tendon with a limit, and `dog.xml` meshes, because it has bodies without `<inertial>`. `lqr.xml`
+has no joint until a program adds bodies.
 """
 URDF_NOTES = """
 
-A joint that mimics another follows it by a constraint, whose force is `lambda_J_mimic`.
+A joint that mimics another is coupled to it by a constraint, whose force is `lambda_J_mimic`.
 
-Of public files, 60 of the 69 of Gepetto/example-robot-data are read, with `balance_inertia=True` or
-`floating_base=True` where they ask for it: all have the mass matrix and the forces of Pinocchio to 1e-12 of the
-largest, at 20 random states. Of the others, six have joints that move no mass, two name a link or joint that is not
-there, and one is empty.
+60 of the 69 files of Gepetto/example-robot-data can be read, some of them with `balance_inertia=True` or
+`floating_base=True`. At 20 random states of each, the mass matrix and the forces agree with Pinocchio to 1e-12 of the
+largest. Of the other files, six have joints that move no mass, two name a link or joint that does not exist, and one
+is empty.
 """
 
 
 def title(name: str, source: str, besides: str, peer: str, notes: str) -> str:
     """Beginning of a page, before its table."""
     text = f"""The table lists each attribute of {source}. Each was tried by itself, in a small model. Obeyed
-    attributes affect either the picture or the equations; then mass matrix, accelerations, limits{besides} agree with
-    {peer} to nine digits. Listed attributes and elements do not enter the equations. They are named in `left_out` of
+    attributes affect either the picture or the equations; in the latter case mass matrix, accelerations,
+    limits{besides} agree with {peer} to nine digits. Listed attributes and elements do not enter the equations. They are named in `left_out` of
     the [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print; what is inside a listed
     element is left out with it. A feature that would affect the motion, but that a linkage does not have, is refused,
     unless it is listed on request: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
-    return f"# What is read of {name}\n\n{textwrap.fill(' '.join(text.split()), 116)}\n\n{notes.strip()}\n"
+    return f"# {name}: which elements and attributes are read\n\n{textwrap.fill(' '.join(text.split()), 116)}\n\n{notes.strip()}\n"
 
 
 MJCF_TITLE = title("MJCF", "the schema of MuJoCo 4", ", dry friction, loops and couplings", "MuJoCo", MJCF_NOTES)

@@ -15,12 +15,13 @@ from liaisons.mechanics import Model, assemble
 from liaisons_motion.derivatives import motion_of
 
 PAGE = Path(__file__).parents[3] / "docs/reference/determined.md"
-HEAD = """# What measurements determine
+HEAD = """# Identifiability: what measurements determine
 
-`liaisons.identify` says of each fit what the measurements do not determine: the null directions of the information
-matrix. The table shows them for the mechanisms without contacts. The unknowns are all parameters, the values at which
-active coordinates rest, and the start values of the motion where these are independent. The measurements are first all
-free coordinates over time, then these together with the forces of all operators, if there are any.
+With each fit, `liaisons.identify` reports what the measurements do not determine, which are the null directions of the
+information matrix. The table shows this for the mechanisms without contacts. The unknowns are all parameters, the
+values at which active coordinates rest, and the start values of the motion if these are independent. In the second
+column, all free coordinates are measured over time; in the third, the forces of all operators as well, if there are
+any.
 
 | Mechanism | from coordinates | with operator forces as well |
 |---|---|---|
