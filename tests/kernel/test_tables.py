@@ -135,9 +135,7 @@ PROPERTIES = [
         listed=True,
     ),
     Property("a row with too few cells", PLAIN + "2,1\n", "line 5: 2 numbers for 3 columns"),
-    Property(
-        "text", PLAIN.replace("1.25", "long"), "column length: line 3: could not convert string to float: 'long'"
-    ),
+    Property("text", PLAIN.replace("1.25", "long"), "column length: line 3: could not convert string to float: 'long'"),
     Property(
         "a date", PLAIN.replace("\n0.5", "\n2024-05-01"), "column time: line 3: could not convert string to float"
     ),
@@ -268,9 +266,9 @@ def test_a_property_of_tables(what: Property, reader: str, tmp_path: Path) -> No
 
 PAGE_TEXT = """# Tables: CSV, Parquet, units
 
-`liaisons simulate --input`, `identify`, `compare`, `Result.from_csv` and `from_parquet` read tables in the same way. A
-table is CSV with commas, semicolons or tabs, or Parquet, or, where arrays are accepted, a pandas data frame. Each line
-of the list below is tested, and the list is written, by `tests/kernel/test_tables.py`. *Obeyed* means that the numbers
+`--input` of `liaisons simulate`, `identify`, `compare`, `Result.from_csv` and `from_parquet` read tables in the same
+way. A table is CSV with commas, semicolons or tabs, or Parquet, or, where arrays are accepted, a pandas data frame. The
+list below is written by `tests/kernel/test_tables.py`, which tests each of its lines. *Obeyed* means that the numbers
 are right, *listed* that a message says what is left out, *refused* that an error names file, line and column.
 
 | property of the table | `--input` | `identify` | `from_csv`, `compare` | remark |
@@ -279,7 +277,8 @@ are right, *listed* that a message says what is left out, *refused* that an erro
 
 Numbers are converted to the unit that the FMU declares, from SI units with the prefixes k, c, m, µ, n, and from `g`,
 `deg`, `rev`, `rpm`, `min` and `h`. `--input` leaves out columns of outputs, with a warning. If a table begins at 5 s,
-the run, or the motion that `identify` fits, starts at 5 s. `compare` converts the second file to the units of the first.
+the run, or the motion that `identify` fits, starts at 5 s. `compare` converts the second file to the units of the
+first.
 
 All commands can read what any of them writes. FMPy reads only CSV without comments. For its `--input-file`, `--plain`,
 in Python `result.to_csv(path, plain=True)`, leaves out units and notes.

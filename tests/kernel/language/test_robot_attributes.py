@@ -330,11 +330,13 @@ def title(name: str, source: str, besides: str, peer: str, notes: str) -> str:
     """Beginning of a page, before its table."""
     text = f"""The table lists each attribute of {source}. Each was tried by itself, in a small model. Obeyed
     attributes affect either the picture or the equations; in the latter case mass matrix, accelerations,
-    limits{besides} agree with {peer} to nine digits. Listed attributes and elements do not enter the equations. They are named in `left_out` of
+    limits{besides} agree with {peer} to nine digits. Listed attributes and elements do not enter the equations. They
+    are named in `left_out` of
     the [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print; what is inside a listed
     element is left out with it. A feature that would affect the motion, but that a linkage does not have, is refused,
     unless it is listed on request: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
-    return f"# {name}: which elements and attributes are read\n\n{textwrap.fill(' '.join(text.split()), 116)}\n\n{notes.strip()}\n"
+    filled = textwrap.fill(" ".join(text.split()), 116)
+    return f"# {name}: which elements and attributes are read\n\n{filled}\n\n{notes.strip()}\n"
 
 
 MJCF_TITLE = title("MJCF", "the schema of MuJoCo 4", ", dry friction, loops and couplings", "MuJoCo", MJCF_NOTES)
