@@ -237,12 +237,11 @@ def linearize(
     :raises SimulationError: for an unknown name, a value that the FMU refuses, derivatives that are wrong, or an FMU
         that is not made for Model Exchange.
     """
-    from liaisons.cosim import FmuEquations
-
     path = fmu_file(subject)
     values = name_dictionary("linearize: at", {} if at is None else at)
     check_finite("linearize: time", time)
     chosen_inputs = None if inputs is None else name_list("linearize: inputs", inputs)
     chosen_outputs = None if outputs is None else name_list("linearize: outputs", outputs)
-    with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
+    (fmu_equations,) = registered("liaisons.fmu_equations")
+    with fmu_equations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
         return equations.linearization(method)

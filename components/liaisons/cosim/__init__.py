@@ -7,9 +7,11 @@ import lazy_loader
 from liaisons.cosim.arrays import Memory, Numbers
 from liaisons.cosim.compiled.cached import cached_library
 from liaisons.cosim.compiled.calls import HEADER, Action, Call
-from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read_description
+from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read, read_description
 from liaisons.cosim.description.sampled_function import SampledFunction, sampled
-from liaisons.cosim.description.variables import Entry
+from liaisons.cosim.description.start_values import start_values
+from liaisons.cosim.description.variables import Entry, Scalar
+from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.instances.loading import SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
 from liaisons.cosim.messages import DISCARD, FATAL, STATUSES, SUCCESS
@@ -17,6 +19,7 @@ from liaisons.cosim.running.contacts import contact_variables, friction_variable
 from liaisons.cosim.running.kernel import Kernel
 from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.running.run import Run, run_to_end
+from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.document import Diagram, SystemDocument
@@ -24,7 +27,7 @@ from liaisons.cosim.structure.scenes import read_result
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.services import Services, register
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
-from liaisons.cosim.structure.sources import Signal
+from liaisons.cosim.structure.sources import SIGNALS, Signal
 from liaisons.cosim.structures import Record, structure_fields
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
@@ -32,14 +35,13 @@ from liaisons.results import IncompleteError, Interrupted, Result
 if TYPE_CHECKING:
     from liaisons.cosim.instances.fmi2 import Instance2
     from liaisons.cosim.instances.fmi3 import Instance3
-    from liaisons.cosim.running.fmu_equations import FmuEquations
-    from liaisons.cosim.running.linearization import Linearization
-    from liaisons.cosim.running.roll_back import roll_back_difference
+    from liaisons.cosim.running.linearization import Linearization, LinearizationMethod
 
 __all__ = [
     "DISCARD",
     "FATAL",
     "HEADER",
+    "SIGNALS",
     "STATUSES",
     "SUCCESS",
     "Action",
@@ -50,7 +52,6 @@ __all__ = [
     "Diagram",
     "Entry",
     "Fmu",
-    "FmuEquations",
     "IncompleteError",
     "Instance",
     "Instance2",
@@ -58,6 +59,7 @@ __all__ = [
     "Interrupted",
     "Kernel",
     "Linearization",
+    "LinearizationMethod",
     "Loaded",
     "Memory",
     "Moment",
@@ -68,6 +70,7 @@ __all__ = [
     "Result",
     "Run",
     "SampledFunction",
+    "Scalar",
     "Scalars",
     "Services",
     "Settings",
@@ -82,16 +85,20 @@ __all__ = [
     "checked_simulation",
     "contact_variables",
     "experiment_problems",
+    "extract_fmus",
     "friction_variables",
+    "make_instance",
+    "read",
     "read_description",
     "read_result",
     "register",
-    "roll_back_difference",
     "run_to_end",
     "sampled",
     "simulate",
     "start",
+    "start_values",
     "structure_fields",
+    "try_to_start",
 ]
 
 # What not every run needs is imported at its first use.
@@ -100,8 +107,6 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "instances.fmi2": ["Instance2"],
         "instances.fmi3": ["Instance3"],
-        "running.fmu_equations": ["FmuEquations"],
-        "running.linearization": ["Linearization"],
-        "running.roll_back": ["roll_back_difference"],
+        "running.linearization": ["Linearization", "LinearizationMethod"],
     },
 )

@@ -26,8 +26,8 @@ from liaisons.base.arrays import Floats
 from liaisons.base.differences import SIZES, extrapolated_derivative
 from liaisons.base.logs import logger
 from liaisons.base.reference_integration import integrate
-from liaisons.cosim import FmuEquations
 from liaisons.errors import RefusedError, SimulationError
+from liaisons.linearization import FmuEquations
 from liaisons_motion.derivatives.inputs import input_functions
 from liaisons_motion.derivatives.motion import Branch
 

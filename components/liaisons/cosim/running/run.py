@@ -17,6 +17,7 @@ from liaisons.base.folders import temporary_folder
 from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
 from liaisons.base.progress import progress_bar
+from liaisons.base.published import registered
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance
 from liaisons.cosim.messages import add_warnings, logger
@@ -242,10 +243,11 @@ class Run:
 
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """
-        from liaisons.cosim.running.linearization import linearization
-
         self._require_open()
-        return linearization(self._kernel.simulation, self._kernel.instances, self.time, self._variables.recorded())
+        (linearization_of_run,) = registered("liaisons.linearization")
+        return linearization_of_run(
+            self._kernel.simulation, self._kernel.instances, self.time, self._variables.recorded()
+        )
 
     @property
     def instants(self) -> Vector:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from ctypes import c_double
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, final, get_args
@@ -16,15 +15,20 @@ from liaisons.base.array_names import suffixed_name
 from liaisons.base.arrays import Floats
 from liaisons.base.differences import extrapolated_derivative
 from liaisons.base.folders import temporary_folder
-from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.description.fmu import Fmu, read
-from liaisons.cosim.description.start_values import start_values
-from liaisons.cosim.description.variables import Scalar
-from liaisons.cosim.instances import extract_fmus, make_instance
-from liaisons.cosim.messages import WARNING
-from liaisons.cosim.running.linearization import Linearization, Method
-from liaisons.cosim.running.trial import try_to_start
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim import (
+    Call,
+    Fmu,
+    Instance,
+    Linearization,
+    LinearizationMethod,
+    Scalar,
+    SystemComponent,
+    extract_fmus,
+    make_instance,
+    read,
+    start_values,
+    try_to_start,
+)
 from liaisons.errors import RefusedError, SimulationError
 
 _COMPARED = 1e-4
@@ -68,7 +72,7 @@ class FmuEquations:
         if not fmu.is_model_exchange:
             raise SimulationError(f"{path}: its states cannot be moved, for it is not made for Model Exchange")
         part = SystemComponent(name, fmu, {})
-        rates, self.states = _rates_and_states(fmu)
+        rates, self.states = rates_and_states(fmu)
         self.inputs, self.outputs = (
             [fmu.variables[n] for group in (default if names is None else names) for n in part.recordable_names(group)]
             for names, default in (
@@ -85,16 +89,21 @@ class FmuEquations:
             self._instance = stack.enter_context(make_instance(name, fmu, folder))
             self._instance.initialize(part.starts, None, time, time + 1.0)
             self._instance.exit_initialization()
-            self._put, self._in = self._prepared_calls("setter", self.inputs)
-            self._get, self._out = self._prepared_calls("getter", self.unknowns)
-            read_inputs, inputs_now = self._prepared_calls("getter", self.inputs)
-            self._perform_calls(read_inputs)
+            self._in, self._out = np.zeros(len(self.inputs)), np.zeros(len(self.unknowns))
+            self._calls: list[Call] = [
+                prepare(variables, values)
+                for prepare, variables, values in (
+                    (self._instance.setter, self.inputs, self._in),
+                    (self._instance.getter, self.unknowns, self._out),
+                )
+                if variables
+            ]
+            self.u = present_values(self._instance, self.inputs, self._when)
             self.x, nominals = self._instance.continuous_states
             if not len(rates) == len(self.states) == len(self.x):
                 raise SimulationError(f"{path}: names {len(self.states)} of its {len(self.x)} states; ask its maker")
             for state, value in states.items():
                 self.x[[s.name in fmu.elements(state) for s in self.states]] = value
-            self.u = inputs_now.copy()
             sizes = np.abs(np.concatenate([self.x, self.u]))
             self.sizes = np.where(sizes > 0, sizes, np.concatenate([nominals, np.ones_like(self.u)]))
             self.has_events = self._instance.has_events
@@ -127,17 +136,9 @@ class FmuEquations:
                 states[name] = starts.pop(name)
         return starts, states
 
-    def _prepared_calls(self, action: str, variables: Sequence[Scalar]) -> tuple[list[Call], Floats]:
-        """Prepared calls that set or get variables, and the array that they read or write."""
-        buffer = (c_double * len(variables))()
-        return [getattr(self._instance, action)(variables, buffer)] * bool(variables), np.ctypeslib.as_array(buffer)
-
-    def _perform_calls(self, calls: Iterable[Call]) -> None:
-        """Perform prepared calls of the FMU, and check their statuses."""
-        for call in calls:
-            if (status := call()) and status != WARNING:
-                assert call.failure is not None
-                raise call.failure(call.action, status, f" at t = {self.time:.10g} s")
+    @property
+    def _when(self) -> str:
+        return f" at t = {self.time:.10g} s"
 
     def __call__(self, time: float, x: Floats, u: Floats) -> Floats:
         """Rates and outputs at a time [s], which remains the point of the FMU, shape (unknowns,).
@@ -147,7 +148,8 @@ class FmuEquations:
         self.time = time
         self._instance.set_time_and_states(time, x)
         self._in[:] = u
-        self._perform_calls([*self._put, *self._get])
+        for call in self._calls:
+            call.perform(self._when)
         return self._out.copy()
 
     def directional_derivatives(self, directions: Floats) -> Floats:
@@ -155,21 +157,7 @@ class FmuEquations:
 
         :param directions: shape (knowns, directions).
         """
-        numbers = {(known.reference, known.position): k for k, known in enumerate(self.knowns)}
-        identical = [numbers.get((unknown.reference, unknown.position)) for unknown in self.unknowns]
-        calculated = [
-            i for i, k in enumerate(identical) if k is None
-        ]  # FMUs need not know the derivatives of the others
-        result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in identical])
-        seed, values = (c_double * len(self.knowns))(), (c_double * len(calculated))()
-        derive = self._instance.directional_derivatives(
-            [self.unknowns[i] for i in calculated], self.knowns, seed, values
-        )
-        for k, direction in enumerate(directions.T if calculated else ()):
-            seed[:] = direction.tolist()
-            self._perform_calls([derive])
-            result[calculated, k] = values
-        return result
+        return directional_derivatives(self._instance, self.unknowns, self.knowns, directions, self._when)
 
     def differences(self) -> Floats:
         """Derivatives by each state and input, extrapolated from differences, (unknowns, knowns)."""
@@ -199,14 +187,14 @@ class FmuEquations:
                     )
         return jacobian
 
-    def linearization(self, method: Method | None = None) -> Linearization:
+    def linearization(self, method: LinearizationMethod | None = None) -> Linearization:
         """The linear system of deviations from states and inputs after initialization.
 
         :param method: None: directional derivatives where there are any.
         :raises SimulationError: for another method, or if a directional derivative contradicts differences.
         """
         if method is not None:
-            check_choice("linearize: method", method, get_args(Method))
+            check_choice("linearize: method", method, get_args(LinearizationMethod))
         states, point = len(self.states), self(self.time, self.x, self.u)
         method = method or ("directional derivatives" if self.fmu.provides_directional_derivatives else "differences")
         jacobian = self.differences() if method == "differences" else self.checked_jacobian()
@@ -231,10 +219,50 @@ class FmuEquations:
         return self(self.time, *np.split(moved, [len(self.x)]))
 
 
-def _rates_and_states(fmu: Fmu) -> tuple[list[Scalar], list[Scalar]]:
+def rates_and_states(fmu: Fmu) -> tuple[list[Scalar], list[Scalar]]:
     """Derivatives and continuous states of an FMU, element by element, without aliases."""
     positions: dict[int, dict[int, Scalar]] = {}
     for variable in fmu.variables.values():
         positions.setdefault(variable.index, {}).setdefault(variable.position, variable)
     rates, states = ([v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1))
     return rates, states
+
+
+def present_values(instance: Instance, variables: Sequence[Scalar], when: str) -> Floats:
+    """The present values of variables of an FMU.
+
+    :param when: words for the time, of an error.
+    """
+    values = np.empty(len(variables))
+    if variables:
+        instance.getter(variables, values).perform(when)
+    return values
+
+
+def identical_knowns(unknowns: Iterable[Scalar], knowns: Iterable[Scalar]) -> list[int | None]:
+    """Which of the knowns each unknown is; None for one that an FMU calculates."""
+    numbers = {(known.reference, known.position): k for k, known in enumerate(knowns)}
+    return [numbers.get((unknown.reference, unknown.position)) for unknown in unknowns]
+
+
+def directional_derivatives(
+    instance: Instance, unknowns: Sequence[Scalar], knowns: Sequence[Scalar], directions: Floats, when: str
+) -> Floats:
+    """Derivatives of unknowns along directions from the FMU at its present point, shape (unknowns, directions).
+
+    :param directions: shape (knowns, directions).
+    :param when: words for the time, of an error.
+    :raises SimulationError: if the FMU refuses one.
+    """
+    identical = identical_knowns(unknowns, knowns)
+    calculated = [i for i, k in enumerate(identical) if k is None]  # FMUs need not know the derivatives of the others
+    result = np.zeros((len(unknowns), directions.shape[1]))
+    result[[i for i, k in enumerate(identical) if k is not None]] = directions[[k for k in identical if k is not None]]
+    if calculated and directions.size:
+        seed, values = np.zeros(len(knowns)), np.empty(len(calculated))
+        derive = instance.directional_derivatives([unknowns[i] for i in calculated], knowns, seed, values)
+        for k, direction in enumerate(directions.T):
+            seed[:] = direction
+            derive.perform(when)
+            result[calculated, k] = values
+    return result
