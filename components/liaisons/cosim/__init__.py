@@ -28,7 +28,7 @@ from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.services import Services, register
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import SIGNALS, Signal
-from liaisons.cosim.structures import Record, structure_fields
+from liaisons.cosim.structures import Record, record_type
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
@@ -91,13 +91,13 @@ __all__ = [
     "read",
     "read_description",
     "read_result",
+    "record_type",
     "register",
     "run_to_end",
     "sampled",
     "simulate",
     "start",
     "start_values",
-    "structure_fields",
     "try_to_start",
 ]
 

@@ -47,17 +47,19 @@ class Record(Structure):
             array[:] = numbers
 
 
-def structure_fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:
-    """Names and types of the fields of a C structure, read from ``typedef struct { ... } structure;``.
+def record_type(path: Path, structure: str, *remembered: str, **nested: type[Structure]) -> type[Record]:
+    """The type of a C structure, whose fields are read from ``typedef struct { ... } structure;``.
 
     :param path: of the C file.
+    :param remembered: see :class:`Record`.
     :param nested: structures inside it, by name.
     """
     code = re.sub(r"/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     (content,) = re.findall(rf"typedef struct \{{([^}}]*)\}} {structure};", code)
     types = _TYPES | nested
-    return [
+    fields = [
         (re.findall(r"\w+", declarator)[-1], c_void_p if "*" in declarator else types[kind])
         for kind, declarators in re.findall(r"(?:const )?(\w+) ([^;]+);", content)
         for declarator in declarators.split(",")
     ]
+    return type(structure, (Record,), {"_fields_": fields, "remembered": remembered})

@@ -150,7 +150,7 @@ class ImpactSteps:
             if in_result:
                 recorder.result_times[recorder.done - 1] = end
         kernel.bus.set_step(now, now)
-        kernel.bus.perform(kernel.algorithm.calls.instant)  # inputs are outputs, whatever the tolerance
+        kernel.bus.perform(kernel.calls.instant)  # inputs are outputs, whatever the tolerance
         impacts.solve(now)
         kernel.begin_piece(size)
         return is_end

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arrays import Floats
-from liaisons.cosim import HEADER, Call, Numbers, Record, cached_library, structure_fields
+from liaisons.cosim import HEADER, Call, Numbers, cached_library, record_type
 from liaisons.errors import RefusedError
 
 
@@ -74,9 +74,7 @@ _SOURCES = (
 _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
 
 
-@final
-class _Equations(Record):
-    _fields_ = structure_fields(_SOURCES[0], "Equations")
+_Equations = record_type(_SOURCES[0], "Equations")
 
 
 def library() -> c.CDLL | None:

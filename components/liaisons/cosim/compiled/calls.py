@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, final
 
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.structures import Record, structure_fields
+from liaisons.cosim.structures import Record, record_type
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
@@ -30,11 +30,8 @@ RAISED = -1
 HEADER = Path(__file__).with_name("calls.h")
 
 
-@final
-class CallRecord(Record):
-    """The structure from which compiled code makes a call."""
-
-    _fields_ = structure_fields(HEADER, "Call")
+CallRecord = record_type(HEADER, "Call")
+"""The structure from which compiled code makes a call."""
 
 
 @final
@@ -49,7 +46,7 @@ class Call(partial[Any]):
 
     action: Action = "copy"
     failure: Failure
-    record: CallRecord | None = None
+    record: Record | None = None
     raised: BaseException | None = None
     buffers: object = None
 
@@ -98,7 +95,7 @@ class Call(partial[Any]):
         self.record = CallRecord(kind, address, instance, source, count, values, size, more)
         return self
 
-    def compiled_record(self) -> CallRecord:
+    def compiled_record(self) -> Record:
         """Record from which compiled code makes the call; if none was set, it calls Python."""
         if self.record is None:
             self._callback = _CALLBACK(self._status_or_raised)
@@ -117,7 +114,7 @@ class Call(partial[Any]):
 _CALLBACK = CFUNCTYPE(c_int)
 
 
-def call_records(calls: Iterable[Call]) -> Array[CallRecord]:
+def call_records(calls: Iterable[Call]) -> Array[Record]:
     """The records of calls, as an array of C."""
     array = [call.compiled_record() for call in calls]
     return (CallRecord * len(array))(*array)

@@ -24,6 +24,7 @@ from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.cosim.structures import Record
 
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
@@ -73,7 +74,10 @@ class Coupled:
             for name, references in bus.recorded_only.items()
             if references
         ]
-        self.calls = CommunicationCalls([Call(self._initialize)], [*settle, *read], [advance, *read])
+        instant = [*settle, *read]
+        self.calls = CommunicationCalls(
+            [Call(self._initialize)], instant, [advance, *read], [Call(self._cross), *instant]
+        )
 
     def _coupled_call(self, function: Callable[..., int], phase: Phase) -> Call:
         """Call of compiled code for the whole system."""
@@ -81,7 +85,7 @@ class Coupled:
         failure = partial(self._raise_failure, phase)
         return call.set_record(COUPLED, addressof(self._record)).set_failure("couple", failure)
 
-    def _system_record(self) -> SystemRecord:
+    def _system_record(self) -> Record:
         """Prepare the system for compiled code."""
         signals, components = self.signals, self._components
         self._drive_call = Call(self._evaluate_drives_in_step)
@@ -136,8 +140,8 @@ class Coupled:
             self._solve(component, "initialization")
         self.signals.before[:] = self.signals.now
 
-    def cross(self) -> None:
-        """Make the tiny step to a break with extrapolated inputs, and start the piece behind it."""
+    def _cross(self) -> None:
+        """Make the tiny step to a break with extrapolated inputs, and forget what is before it."""
         signals = self.signals
         signals.now[:] = signals.before
         self._evaluate_drives_at_instant()
@@ -149,7 +153,6 @@ class Coupled:
         finally:
             signals.held[:] = held
         self._library.forget(self._address)
-        self._bus.perform(self.calls.instant)
 
     def forget_past(self) -> None:
         """Forget the points before the present one, and the derivatives of outputs by inputs."""

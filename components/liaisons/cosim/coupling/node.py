@@ -20,6 +20,7 @@ from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomial_arrays
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends
+from liaisons.cosim.structures import Record
 
 _TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
 """Instants at which an FMU asks for inputs inside a step of length 1."""
@@ -205,7 +206,7 @@ class Node:
         bus.set_step(start, end)
         return np.array(outputs[:2])
 
-    def program(self, phase: Phase) -> tuple[list[Call], NodeRecord]:
+    def program(self, phase: Phase) -> tuple[list[Call], Record]:
         """The calls of one evaluation in a phase, and their record for compiled code."""
         calls = self._calls[phase]
         record = NodeRecord(

@@ -18,6 +18,7 @@ from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.cosim.structures import Record
 
 
 @final
@@ -200,7 +201,7 @@ class SignalHistory:
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 
-    def record(self, step_in_thirds: Call | None) -> SignalHistoryRecord:
+    def record(self, step_in_thirds: Call | None) -> Record:
         """The history for compiled code.
 
         :param step_in_thirds: makes a step, and sets :attr:`others` to the outputs inside it.

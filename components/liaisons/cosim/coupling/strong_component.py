@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NoReturn, final
+from typing import Any, NoReturn, final
 
 import numpy as np
 
@@ -15,16 +15,11 @@ from liaisons.cosim.compiled.calls import RAISED, Call, call_records
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.coupling.node import Node, Phase
-from liaisons.cosim.coupling.records import (
-    DIVERGED,
-    FailureRecord,
-    NewtonRecord,
-    NodeRecord,
-    StrongComponentRecord,
-)
+from liaisons.cosim.coupling.records import DIVERGED, NewtonRecord, NodeRecord, StrongComponentRecord
 from liaisons.cosim.coupling.signals import Curve, Signals
 from liaisons.cosim.structure.schedule import Depends
 from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structures import Record
 from liaisons.errors import RefusedError, SimulationError
 
 _MOST_ITERATIONS = 100  # as in coupling.c
@@ -106,7 +101,7 @@ class _Equations:
     :param buffers: what the record points to.
     """
 
-    record: StrongComponentRecord
+    record: Record
     calls: Sequence[Sequence[Call]]
     newton: Newton | None
     buffers: object
@@ -159,7 +154,7 @@ class StrongComponent:
             record.point(newton=newton.record)
         return _Equations(record, calls, newton, nodes)
 
-    def equations(self, phase: Phase) -> StrongComponentRecord:
+    def equations(self, phase: Phase) -> Record:
         """The equations of a phase, for compiled code."""
         return self._equations[phase].record
 
@@ -179,7 +174,7 @@ class StrongComponent:
         first = self.nodes[0]
         return None if self._cyclic or first.inputs or not first.part.fmu.variable_step else first
 
-    def raise_failure(self, phase: Phase, failure: FailureRecord, status: int) -> None:
+    def raise_failure(self, phase: Phase, failure: Any, status: int) -> None:
         """Raise the error of equations that compiled code has not solved.
 
         :raises SimulationError: naming the FMU and its status, or those that do not converge.

@@ -29,15 +29,11 @@ from liaisons.cosim.instances.buffer_layouts import (
 from liaisons.cosim.instances.loading import FMU3CoSimulation
 from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD
-from liaisons.cosim.structures import Record, structure_fields
+from liaisons.cosim.structures import record_type
 from liaisons.errors import SimulationError
 
-
-@final
-class _StepEnd(Record):
-    """Results of a step: whether it ended the simulation or returned early, and the last time reached."""
-
-    _fields_ = structure_fields(HEADER, "Ended")
+_StepEnd = record_type(HEADER, "Ended")
+"""Results of a step: whether it ended the simulation or returned early, and the last time reached."""
 
 
 class Instance3(Loaded, ABC):

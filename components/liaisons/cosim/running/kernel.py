@@ -20,7 +20,7 @@ from liaisons.base.published import registered
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.explicit import Explicit, MasterAlgorithm
+from liaisons.cosim.coupling.explicit import explicit_calls
 from liaisons.cosim.instances.protocol import Instance, Loaded
 from liaisons.cosim.running.breaks import Deviations
 from liaisons.cosim.running.loop import Loop
@@ -131,7 +131,8 @@ class Kernel:
     """The FMUs of a run, and all that it remembers.
 
     :param watched: variables that are on the bus in addition to those that are connected or in the result.
-    :ivar algorithm: the coupling; ``recorder`` makes and records its steps.
+    :ivar coupled: the coupled step, of a coupling that repeats it; ``calls`` those of either coupling.
+    :ivar recorder: makes and records steps.
     :ivar timeline: the breaks; ``deviations`` finds those that nothing announces.
     :ivar are_samples: whether all breaks are samples, to which steps lead as to any other point.
     :ivar progress: how far the run has come; ``count``: number of communication points.
@@ -146,7 +147,13 @@ class Kernel:
         also = [reference for triple in ports for reference in triple]
         order = schedule.execution_order([SIGNALS, *parts], feeds)
         self.bus = bus = Bus(order, feeds, also, [*simulation.recorded.values(), *watched], simulation.conversions)
-        self.algorithm: MasterAlgorithm = _algorithm(simulation)(simulation, instances, bus)
+        if simulation.iterates:
+            from liaisons.cosim.coupling.implicit import Coupled  # which needs SciPy
+
+            self.coupled: Coupled | None = Coupled(simulation, instances, bus)
+            self.calls = self.coupled.calls
+        else:
+            self.coupled, self.calls = None, explicit_calls(simulation, instances, bus)
         self.deviations = Deviations(simulation.drives, bus, simulation.step_tolerance)
         self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
         self.count = len(simulation.times)
@@ -164,10 +171,10 @@ class Kernel:
         self._estimates, self._halves = estimates, self.timeline.divides and estimates and not reads_samples
         itself = estimates or self.simulation.iterates or any(p.approximation.takes_end_values for p in parts.values())
         self.are_samples = self.timeline.are_samples and not itself
-        times, own = self.simulation.times, (self.algorithm, *self.simulation.drives, self.deviations.memory)
+        times, coupled = self.simulation.times, [self.coupled] if self.coupled else []
+        own = *coupled, *self.simulation.drives, self.deviations.memory
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
-        calls = self.algorithm.calls
-        self.recorder = Loop([*calls.step, *watch], calls.instant, self.bus, capacity)
+        self.recorder = Loop([*self.calls.step, *watch], self.calls.instant, self.bus, capacity)
         owners = [self.recorder, *own, self.timeline, self.progress, *owners]
         self.moments = Moments(self.instances, self.bus, owners)
 
@@ -181,7 +188,7 @@ class Kernel:
         :param last: calls after initialization.
         :param happening: what may happen at the start, too.
         """
-        simulation, bus, calls = self.simulation, self.bus, self.algorithm.calls
+        simulation, bus, calls = self.simulation, self.bus, self.calls
         begin, end = simulation.times[0], simulation.times[-1]
         self.recorder.truncate(0)
         self.progress.reset()
@@ -190,7 +197,8 @@ class Kernel:
         self.deviations.memory.reset()
         bus.perform(first)
         bus.values[:] = 0.0
-        self.algorithm.reset()
+        if self.coupled:
+            self.coupled.reset()
         for name, instance in self.instances.items():
             tolerance = simulation.tolerance or parts[name].fmu.experiment.tolerance
             instance.initialize(parts[name].starts, tolerance, begin, end)
@@ -216,10 +224,13 @@ class Kernel:
     @property
     def signals(self) -> Signals:
         """Signals of an implicit coupling, which impacts change."""
-        from liaisons.cosim.coupling.implicit import Coupled
+        assert self.coupled
+        return self.coupled.signals
 
-        assert isinstance(self.algorithm, Coupled)
-        return self.algorithm.signals
+    @property
+    def error_order(self) -> int:
+        """Order in H of the error of a step."""
+        return self.coupled.error_order if self.coupled else 1
 
     @property
     def halves_first_step(self) -> bool:
@@ -236,7 +247,8 @@ class Kernel:
         :param size: of a communication step [s]; None: of the next one.
         """
         recorder, time = self.recorder, self.bus.end.value
-        self.algorithm.forget_past()
+        if self.coupled:
+            self.coupled.forget_past()
         if self._estimates:
             if size is None:
                 times, points = self.simulation.times, self.progress.points
@@ -249,7 +261,7 @@ class Kernel:
         """Make one step across a break, and locate the next one; returns the values of the signals after it."""
         self.bus.set_step(start, stop)
         self.timeline.begin_piece(stop)
-        self.algorithm.cross()
+        self.bus.perform(self.calls.crossing)
         self.timeline.find_next(stop)
         return self.bus.values
 
@@ -308,14 +320,6 @@ class Kernel:
             recorder.advance(ends, in_result=in_result)
         finally:
             recorder.rows[first : recorder.done, self.deviations.span] = integrals[: recorder.done - first]
-
-
-def _algorithm(simulation: Simulation) -> Callable[..., MasterAlgorithm]:
-    if not simulation.iterates:
-        return Explicit
-    from liaisons.cosim.coupling.implicit import Coupled
-
-    return Coupled
 
 
 def fmpy_instance(kernel: Kernel, name: object) -> Any:

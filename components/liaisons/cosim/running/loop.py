@@ -21,7 +21,7 @@ from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import HEADER, Call, call_records
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.structures import Record, structure_fields
+from liaisons.cosim.structures import record_type
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
@@ -80,11 +80,7 @@ class _History:
         self._latest = piece
 
 
-@final
-class _LoopRecord(Record):
-    """See :class:`Loop`."""
-
-    _fields_ = structure_fields(HEADER.with_name("loop.c"), "Loop")
+_LoopRecord = record_type(HEADER.with_name("loop.c"), "Loop")
 
 
 @final

@@ -1,8 +1,9 @@
-"""The outcome of a run: its result, the errors of its coupling, and warnings of what its observers have seen."""
+"""What observes a run: a clock that it waits for, its result, and warnings of what was seen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from time import perf_counter, sleep
 from typing import final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.texts import text
-from liaisons.cosim.messages import warn_of_non_finite_values
+from liaisons.cosim.messages import logger, warn_of_non_finite_values
 from liaisons.cosim.running.contacts import (
     MissingImpulses,
     connections_losing_impulses,
@@ -20,10 +21,47 @@ from liaisons.cosim.running.contacts import (
     warn_of_missing,
 )
 from liaisons.cosim.running.kernel import Impulses, Kernel, coupling_estimate
-from liaisons.cosim.running.real_time import RealTime
 from liaisons.cosim.running.watchdog import Watchdog
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.results import Result
+
+_UNNOTICED_DELAY = 1e-3
+"""Lateness below which there is no warning [s]: the resolution of clocks and schedulers."""
+
+
+@final
+class RealTime:
+    """Waits after each step until the clock has advanced as much, once it has a pace.
+
+    :ivar is_paced: whether it has one.
+    :ivar lateness: how late each step ended [s].
+    """
+
+    def __init__(self) -> None:
+        self.lateness: list[float] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget pace and lateness."""
+        self.is_paced, self._begin = False, (1.0, 0.0, 0.0)  # seconds per second, instant of the clock, and simulated
+        self.lateness.clear()
+
+    def pace(self, factor: float, time: float) -> None:
+        """Begin at a simulated time [s], at ``factor`` simulated seconds per second."""
+        self.is_paced, self._begin = True, (factor, perf_counter(), time)
+
+    def wait(self, time: float) -> None:
+        """Wait for the instant of the clock that belongs to a simulated time [s]."""
+        factor, begin, first = self._begin
+        late = perf_counter() - begin - (time - first) / factor
+        self.lateness.append(max(late, 0.0))
+        sleep(max(-late, 0.0))
+
+    def warn(self, title: str) -> None:
+        """Warn of steps that ended late."""
+        if late := [one for one in self.lateness if one > _UNNOTICED_DELAY]:
+            words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
+            logger.warning(words, title, len(late), len(self.lateness), max(late))
 
 
 @final

@@ -1,20 +1,21 @@
-"""How far steps go: to the points of the user, as far as the error of each allows, or by equal parts between points.
+"""The loop over time of a run, and how far its steps go.
 
+They go to the points of the user, as far as the error of each allows, or by equal parts between points.
 The estimate (:mod:`liaisons.coupling_estimate`) compares a step with the points before it, and costs no step.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from time import perf_counter
-from typing import final
+from typing import NamedTuple, Protocol, final
 
 import numpy as np
 
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.running.driving import NextSteps
-from liaisons.cosim.running.kernel import CouplingEstimate, Kernel
+from liaisons.cosim.running.kernel import CouplingEstimate, Happening, Kernel
 from liaisons.errors import RefusedError
 
 _PROGRESS_INTERVAL = 0.02
@@ -39,19 +40,61 @@ _BRINK = 1e-6
 """Distance to the end of a refused step, relative to the whole time, below which no shorter step is tried."""
 
 
+class NextSteps(NamedTuple):
+    """Steps that are made next.
+
+    :param ends: their ends [s]; none if the next step crosses a break.
+    :param target: instant to which they lead [s].
+    :param in_result: whether what they reach is in the result.
+    """
+
+    ends: Sequence[float]
+    target: float
+    in_result: bool = True
+
+
+class Pace(Protocol):
+    """How far steps go."""
+
+    def next_steps(self) -> NextSteps | None:
+        """The next steps up to a break; None at the end."""
+        ...
+
+    def crossed(self, at_target: bool) -> None:
+        """Hear that a break was crossed."""
+        ...
+
+    def make(self, steps: NextSteps) -> None:
+        """Make steps, and keep them or return to the state before.
+
+        :raises RefusedError: if an FMU refuses a step, and none that the pace may choose instead is short enough.
+        """
+        ...
+
+
+def drive(kernel: Kernel, pace: Pace) -> Iterator[float]:
+    """Step as a pace says, over breaks; yields instants that are reached [s]."""
+    while (steps := pace.next_steps()) is not None:
+        if steps.ends:
+            pace.make(steps)
+        else:
+            pace.crossed(kernel.cross_next_break(steps.target, in_result=steps.in_result))
+        yield kernel.recorder.end
+
+
 @final
 class Points:
     """Steps to communication points, many at once.
 
+    :param happening: what happens within steps; None: nothing does.
     :param stop: number of points to be reached.
     :param most: largest number of points between two reports of progress.
     :param reports: whether there are any.
     """
 
-    repeats = False
-
-    def __init__(self, kernel: Kernel, stop: int, *, most: int, reports: bool) -> None:
+    def __init__(self, kernel: Kernel, happening: Happening | None, stop: int, *, most: int, reports: bool) -> None:
         self._kernel, self._stop = kernel, stop
+        self._advance = kernel.advance if happening is None else happening.advance
         self._most = min(most, _MOST_IN_BATCH) if kernel.deviations else most
         self._many = 1 if reports or kernel.deviations else self._most
         self._steps: NextSteps | None = None  # those that were not reached
@@ -82,13 +125,13 @@ class Points:
         """Count the point at a break."""
         self._count(int(at_target))
 
-    def reached(self, count: int) -> None:
-        """Count points that were reached."""
-        steps = self._steps
+    def make(self, steps: NextSteps) -> None:
+        """Make steps, up to what comes between, and count the points that were reached."""
+        count = self._advance(steps.ends, in_result=steps.in_result)
         if count == 0:
             self._adapt_batch()
             return
-        self._count(count if steps and steps.in_result else 0)
+        self._count(count if steps.in_result else 0)
         if self._is_sample:
             self._kernel.timeline.find_next(self._kernel.recorder.end)
 
@@ -101,15 +144,9 @@ class Points:
         is_fast = perf_counter() - self._begin < _PROGRESS_INTERVAL
         self._many = min(self._most, max(1, 2 * self._many if is_fast else self._many // 2))
 
-    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
-        """Not called: :func:`drive` judges steps of a pace that repeats them, and these are not repeated."""
-        raise NotImplementedError
 
-
-class _ByErrors:
+class _ByErrors(ABC):
     """Steps that are kept if the estimate of their errors allows; without one all are."""
-
-    repeats = True
 
     def __init__(self, kernel: Kernel, estimate: CouplingEstimate | None) -> None:
         self._kernel, self._estimate = kernel, estimate
@@ -148,9 +185,19 @@ class _ByErrors:
     def _keep(self, times: Vector, rows: Vector) -> None:
         self._times, self._rows = times[-_MEMORY:], rows[-_MEMORY:]
 
-    def reached(self, count: int) -> None:
-        """Not called: :func:`drive` tells a pace that repeats steps by :meth:`accepts` alone."""
-        raise NotImplementedError
+    def make(self, steps: NextSteps) -> None:
+        """Make steps, and keep them or return to the state before."""
+        before = self._kernel.save()
+        if not self._accepts(steps, self._kernel.attempt(steps.ends)):
+            self._kernel.moments.restore(before)
+
+    @abstractmethod
+    def _accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+        """Whether steps are kept; else shorter ones are made from the same state.
+
+        :param refusal: why they were refused, if they were.
+        :raises RefusedError: if none is short enough.
+        """
 
 
 @final
@@ -178,10 +225,10 @@ class EachStep(_ByErrors):
         """Begin a piece."""
         self._begin_piece()
 
-    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+    def _accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
         """Whether their error is below the tolerance; chooses the size of the next step."""
         now, stop, count = float(self._times[-1]), steps.ends[-1], len(steps.ends)
-        tolerance, power = self._kernel.simulation.error_tolerance or 1.0, self._kernel.algorithm.error_order + 1
+        tolerance, power = self._kernel.simulation.error_tolerance or 1.0, self._kernel.error_order + 1
         error, times, rows = (math.inf, self._times, self._rows) if refusal else self._errors(count)
         error /= tolerance
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
@@ -241,7 +288,7 @@ class EqualParts(_ByErrors):
         progress.errors.append(self._error)
         self._error = 0.0
 
-    def accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
+    def _accepts(self, steps: NextSteps, refusal: RefusedError | None) -> bool:
         """Whether the sum of their errors is small enough; chooses the number of the next ones."""
         simulation, recorder, many = self._kernel.simulation, self._kernel.recorder, self._count
         if refusal is not None and many > _MOST:

@@ -17,11 +17,10 @@ from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.driving import drive
 from liaisons.cosim.running.kernel import Happening, Kernel
 from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.running.observers import Observers
-from liaisons.cosim.running.pace import EachStep, EqualParts, Points
+from liaisons.cosim.running.pace import EachStep, EqualParts, Points, drive
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Feeds
 from liaisons.errors import EndedError, InvalidValueError, RefusedError, SimulationError
@@ -105,7 +104,7 @@ class Stepping:
         if simulation.adapts:
             return drive(kernel, EqualParts(kernel, estimate))
         most = 1 if self._observers.real_time.is_paced else stop
-        return drive(kernel, Points(kernel, stop, most=most, reports=reports), self.happening)
+        return drive(kernel, Points(kernel, self.happening, stop, most=most, reports=reports))
 
     def finish(self, on_progress: Callable[[float], None] | None) -> None:
         """Step to the end; tell now and then the time that is reached [s]."""
