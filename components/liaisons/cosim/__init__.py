@@ -8,13 +8,13 @@ from liaisons.cosim.arrays import Memory, Numbers
 from liaisons.cosim.compiled.cached import cached_library
 from liaisons.cosim.compiled.calls import HEADER, Action, Call
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read, read_description
-from liaisons.cosim.description.sampled_function import SampledFunction, sampled
-from liaisons.cosim.description.start_values import start_values
+from liaisons.cosim.description.sampled_function import TIME, SampledFunction, sampled, variable_name
+from liaisons.cosim.description.start_values import Starts, start_values
 from liaisons.cosim.description.variables import Entry, Scalar
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.instances.loading import SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
-from liaisons.cosim.messages import DISCARD, FATAL, STATUSES, SUCCESS
+from liaisons.cosim.messages import DISCARD, ERROR, FATAL, STATUSES, SUCCESS
 from liaisons.cosim.running.contacts import contact_variables, friction_variables
 from liaisons.cosim.running.kernel import Kernel
 from liaisons.cosim.running.moment import Moment
@@ -39,11 +39,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DISCARD",
+    "ERROR",
     "FATAL",
     "HEADER",
     "SIGNALS",
     "STATUSES",
     "SUCCESS",
+    "TIME",
     "Action",
     "Call",
     "Connection",
@@ -77,6 +79,7 @@ __all__ = [
     "SharedFunctions",
     "Signal",
     "Simulation",
+    "Starts",
     "System",
     "SystemComponent",
     "SystemDocument",
@@ -99,6 +102,7 @@ __all__ = [
     "start",
     "start_values",
     "try_to_start",
+    "variable_name",
 ]
 
 # What not every run needs is imported at its first use.

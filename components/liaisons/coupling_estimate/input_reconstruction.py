@@ -115,7 +115,8 @@ class _PolynomialTable:
             return "mean", [own], 0
         references, order = simulation.port_and_order(source)
         port = [self.columns[reference] for reference in references if reference in self.columns]
-        integral, numbers = self.kernel.deviations.columns.get(target, (0, 0))
+        deviations = self.kernel.deviations
+        integral, numbers = deviations.columns.get(target, (0, 0)) if deviations else (0, 0)
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
         if len(port) == len(references) > 2 and approximation.method is not None:
             return ("quintic", integrals, order) if is_driven else ("hermite", port, order)

@@ -42,9 +42,8 @@ def make_instance(
 
     def instantiate() -> Instance:
         if fmu.function is not None:
-            from liaisons.cosim.instances.sampled import SampledInstance
-
-            return SampledInstance(name, fmu)
+            (make_sampled,) = registered("liaisons.sampled_functions")
+            return make_sampled(name, fmu)
         if fmu.is_model_exchange:
             (make_model_exchange,) = registered("liaisons.model_exchange")
             return make_model_exchange(name, fmu, directory)

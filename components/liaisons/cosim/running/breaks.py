@@ -62,7 +62,7 @@ class _Comparison(NamedTuple):
 class Deviations:
     """Integrals, once and twice, of the deviations of functions of time in the present step, on the bus.
 
-    :param drives: functions of time; those of integers and Booleans are sampled, and left out.
+    :param drives: functions of time, none of integers and Booleans.
     :param tolerance: relative to the function; a smaller deviation is not a break.
     :ivar memory: what was seen of the functions until now.
     :ivar columns: of each input: column of the first of the two integrals, and how many numbers its function returns;
@@ -70,8 +70,7 @@ class Deviations:
     """
 
     def __init__(self, drives: Sequence[Drive], bus: Bus, tolerance: float) -> None:
-        self._drives = drives = [drive for drive in drives if drive.among is None]
-        self._tolerance = tolerance
+        self._drives, self._tolerance = drives, tolerance
         first, values = bus.add_columns(2 * len(drives))
         self.span = slice(first, first + 2 * len(drives))
         self._values = values.reshape(-1, 2)
@@ -81,9 +80,6 @@ class Deviations:
         self._sizes, self._breaks, self._overrun = numbers = np.zeros((3, len(drives)))
         self._end = np.full(1, -np.inf)
         self.memory = Memory([numbers, self._end])
-
-    def __bool__(self) -> bool:
-        return bool(self._drives)
 
     def integrate_steps(self, times: Vector) -> Vector:
         """The integrals of steps between instants [s], up to the first step that may have a break.
@@ -114,8 +110,6 @@ class Deviations:
         :returns: the first break after the start and not after the end [s]; infinite if there is none.
         """
         times = np.array([start, end])
-        if not self._drives:
-            return math.inf
         compared = [self._compare_drive(k, times) for k in range(len(self._drives))]
         self._values[:] = [_deviation_integrals(one.off[0], end - start) for one in compared]
         self._sizes[:] = [one.sizes[0] for one in compared]

@@ -133,7 +133,7 @@ class Kernel:
     :param watched: variables that are on the bus in addition to those that are connected or in the result.
     :ivar coupled: the coupled step, of a coupling that repeats it; ``calls`` those of either coupling.
     :ivar recorder: makes and records steps.
-    :ivar timeline: the breaks; ``deviations`` finds those that nothing announces.
+    :ivar timeline: the breaks; ``deviations`` finds those of functions that nothing announces.
     :ivar are_samples: whether all breaks are samples, to which steps lead as to any other point.
     :ivar progress: how far the run has come; ``count``: number of communication points.
     """
@@ -154,7 +154,8 @@ class Kernel:
             self.calls = self.coupled.calls
         else:
             self.coupled, self.calls = None, explicit_calls(simulation, instances, bus)
-        self.deviations = Deviations(simulation.drives, bus, simulation.step_tolerance)
+        moving = [drive for drive in simulation.drives if drive.among is None]  # others are sampled
+        self.deviations = Deviations(moving, bus, simulation.step_tolerance) if moving else None
         self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
         self.count = len(simulation.times)
         self._batch = 1  # steps for which functions of time are evaluated at once
@@ -172,7 +173,7 @@ class Kernel:
         itself = estimates or self.simulation.iterates or any(p.approximation.takes_end_values for p in parts.values())
         self.are_samples = self.timeline.are_samples and not itself
         times, coupled = self.simulation.times, [self.coupled] if self.coupled else []
-        own = *coupled, *self.simulation.drives, self.deviations.memory
+        own = *coupled, *self.simulation.drives, *([self.deviations.memory] if self.deviations else [])
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
         self.recorder = Loop([*self.calls.step, *watch], self.calls.instant, self.bus, capacity)
         owners = [self.recorder, *own, self.timeline, self.progress, *owners]
@@ -194,7 +195,8 @@ class Kernel:
         self.progress.reset()
         bus.set_step(begin, begin)
         self.timeline.begin_piece(begin)
-        self.deviations.memory.reset()
+        if self.deviations:
+            self.deviations.memory.reset()
         bus.perform(first)
         bus.values[:] = 0.0
         if self.coupled:
@@ -315,6 +317,7 @@ class Kernel:
 
     def _advance_beside(self, integrals: Vector, ends: Sequence[float], *, in_result: bool) -> None:
         """Step, and record integrals of deviations beside each step."""
+        assert self.deviations
         recorder, first = self.recorder, self.recorder.done
         try:
             recorder.advance(ends, in_result=in_result)

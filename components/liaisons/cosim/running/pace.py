@@ -161,12 +161,12 @@ class _ByErrors(ABC):
 
     def _end_before_break(self, end: float, size: float) -> Sequence[float]:
         """End of a step [s]: its own end, or an instant shortly before a break; none if it crosses the break."""
-        kernel, now = self._kernel, self._kernel.recorder.end
-        while True:
-            ends = kernel.timeline.ends_before(now, [end], size)
-            if not ends or (instant := kernel.deviations.integrate(now, ends[0])) == math.inf:
-                return ends
-            kernel.timeline.next = instant
+        timeline, deviations, now = self._kernel.timeline, self._kernel.deviations, self._kernel.recorder.end
+        ends = timeline.ends_before(now, [end], size)
+        while deviations and ends and (instant := deviations.integrate(now, ends[0])) < math.inf:
+            timeline.next = instant
+            ends = timeline.ends_before(now, [end], size)
+        return ends
 
     def _parts(self, stop: float, count: int) -> list[float]:
         """Ends of equal steps to an instant [s]."""

@@ -50,6 +50,7 @@ class FreeInput:
             raise SimulationError(f"{self._label} {words}, which a step cannot set; give numbers to inputs")
         if fed := [scalar.name for scalar in scalars if (part.name, scalar.name) in feeds]:
             raise SimulationError(f"{part.name}.{fed[0]} is connected or driven, so that a step cannot set it")
+        self._is_number = self._variable.type == "Real" and not self._shape
         self.values = np.full(len(scalars), np.nan)
         self.put: Call = instance.setter(scalars, self.values)
         self._view: Any = self.values.data  # numbers of Python, since scalars of NumPy take three times as long
@@ -59,7 +60,7 @@ class FreeInput:
 
         :raises SimulationError: if it is not finite, or not of the type or the shape of the input.
         """
-        if type(value) is float and self._variable.type == "Real" and not self._shape and math.isfinite(value):
+        if type(value) is float and self._is_number and math.isfinite(value):
             return value
         checked = float_array(self._label, value)
         if checked.shape != self._shape:
@@ -120,8 +121,8 @@ class Stepping:
         progress = self._kernel.progress
         if progress.end or progress.points == self._kernel.count or self._chooses_steps:
             _refuse_step(self._kernel)
-        numbers = list(map(FreeInput.checked_numbers, free, values))
-        return list(filter(None, map(FreeInput.assign, free, numbers)))
+        numbers = [*map(FreeInput.checked_numbers, free, values)]  # before any is set
+        return [*filter(None, map(FreeInput.assign, free, numbers))]
 
     def step(self, changed: Sequence[Call]) -> None:
         """Set inputs that have changed, and step to the next communication point.

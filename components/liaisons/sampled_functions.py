@@ -1,4 +1,4 @@
-"""Instances of sampled Python functions."""
+"""Sampled Python functions in systems, as instances of FMUs."""
 
 from __future__ import annotations
 
@@ -9,13 +9,20 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Numbers, Vector
-from liaisons.cosim.compiled.calls import Action, Call
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.sampled_function import TIME, SampledFunction, variable_name
-from liaisons.cosim.description.start_values import Starts
-from liaisons.cosim.instances.protocol import Instance, Scalars
-from liaisons.cosim.messages import ERROR
+from liaisons.base.arrays import Floats
+from liaisons.cosim import (
+    ERROR,
+    TIME,
+    Action,
+    Call,
+    Fmu,
+    Instance,
+    Numbers,
+    SampledFunction,
+    Scalars,
+    Starts,
+    variable_name,
+)
 from liaisons.errors import SimulationError
 
 
@@ -31,13 +38,13 @@ class _State:
     :ivar is_pending: whether inputs were set after it.
     """
 
-    inputs: Vector
-    before: tuple[Vector, Any]
-    after: tuple[Vector, Any]
+    inputs: Floats
+    before: tuple[Floats, Any]
+    after: tuple[Floats, Any]
     time: float = 0.0
     last: float = 0.0
     is_pending: bool = True
-    last_inputs: Vector | None = None
+    last_inputs: Floats | None = None
 
 
 @final
@@ -119,7 +126,7 @@ class SampledInstance(Instance):
         self._state = replace(state, before=before, after=(outputs, memory), last=instant, last_inputs=state.inputs)
         return 0
 
-    def _read(self, names: Sequence[str], values: Vector) -> int:
+    def _read(self, names: Sequence[str], values: Floats) -> int:
         if self._state.is_pending and (status := self._take_sample()):
             return status
         state, function = self._state, self._function
@@ -131,7 +138,7 @@ class SampledInstance(Instance):
             values[i] = numbers[name] if name in numbers else function.next_event(state.time)
         return 0
 
-    def _write(self, indices: Sequence[int], values: Vector) -> int:
+    def _write(self, indices: Sequence[int], values: Floats) -> int:
         inputs = self._state.inputs.copy()
         inputs[indices] = values
         self._state = replace(self._state, inputs=inputs, is_pending=True)
