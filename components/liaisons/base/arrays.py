@@ -15,7 +15,7 @@ def as_indices(numbers: object) -> NDArray[np.intp]:
 def lane_blocks(rows: Floats, width: int) -> Floats:
     """Blocks of ``width`` columns each, (blocks, rows, width), the last one padded with the last column."""
     blocks = -(-rows.shape[1] // width)
-    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode="edge")
+    padded = np.hstack([rows, np.repeat(rows[:, -1:], blocks * width - rows.shape[1], axis=1)])
     return np.ascontiguousarray(padded.reshape(len(rows), blocks, width).swapaxes(0, 1))
 
 

@@ -172,13 +172,15 @@ class ContactMotion(SteppedMotion):
             (states, instants), (of_y, slope) = self.steps.tangents(
                 entries, k, stages, of_y=of_y, slopes=(slope, leg.slopes[1]), saved=saved
             )
-            entries, before = entries.part(saved), stages[saved, 0]
-            record, is_settled = entries["record"], entries["kind"] == Kind.SETTLED
-            records[record[record >= 0]] = states[record >= 0]
-            slopes.append(instants[is_settled])
-            meets = is_settled & instants.any(axis=1) & self._is_recorded(entries["t"])
-            for n in np.flatnonzero(meets | (entries["kind"] >= Kind.GRAZED)):
-                doubt = self._undefined_at(entries.part([n]), k, before[n], states[n], instants[n])
+            numbers = np.flatnonzero(saved)
+            record, kinds = record[numbers], kinds[numbers]
+            is_recorded, settled = record >= 0, np.flatnonzero(kinds == Kind.SETTLED)
+            records[record[is_recorded]] = states[is_recorded]
+            slopes.append(instants[settled])
+            meets = instants[settled].any(axis=1) & self._is_recorded(entries["t"][numbers[settled]])
+            for n in np.union1d(settled[meets], np.flatnonzero(kinds >= Kind.GRAZED)).tolist():
+                entry, before = entries.part([numbers[n]]), stages[numbers[n], 0]
+                doubt = self._undefined_at(entry, k, before, states[n], instants[n])
                 undefined += [doubt] if doubt[1].any() else []
         return records, undefined, np.concatenate(slopes)
 
@@ -235,12 +237,13 @@ class ContactMotion(SteppedMotion):
                 room -= len(entries) * numbers
                 keep = keep_stages and room > 0
                 states, stages = self.steps.retrace(entries, k, start, keep=keep)
-                first, record, own = states[-1], entries["record"], entries.shared
-                ends, is_recorded = entries["t"] + entries["h"], record >= 0
-                checked = is_recorded | (entries["kind"] == Kind.STEP)
-                self._refuse_states(k, ends[checked], own[checked], states[checked])
-                recorded = record[is_recorded]
-                records[recorded], shared[recorded] = states[is_recorded], own[is_recorded]
+                first, ends, row = states[-1], entries["t"] + entries["h"], entries["row"]
+                is_recorded = entries["record"] >= 0
+                checked = np.flatnonzero(is_recorded | (entries["kind"] == Kind.STEP))
+                self._refuse_states(k, ends[checked], entries.table[row[checked]], states[checked])
+                numbers = np.flatnonzero(is_recorded)
+                recorded = entries["record"][numbers]
+                records[recorded], shared[recorded] = states[numbers], entries.table[row[numbers]]
                 instants[recorded] = np.maximum(instants[recorded], segment.limits[0])
                 legs.append(_Leg(entries, start, stages if keep else None, landing, slopes, begin == 0))
                 landing = None

@@ -118,7 +118,8 @@ class ContactSteps:
         :param slopes: derivatives of the last instant of an event, and of the end of the segment.
         """
         states, count = of_y.shape
-        dk, dy = (np.pad(lane_blocks(x, DIRECTIONS), ((0, 1), (0, 0), (0, 0))) for x in (np.eye(count), of_y))
+        directions = (lane_blocks(x, DIRECTIONS) for x in (np.eye(count), of_y))
+        dk, dy = (np.vstack([blocks, np.zeros_like(blocks[:1])]) for blocks in directions)
         slope, last = (lane_blocks(x[None], DIRECTIONS) for x in slopes)
         blocks, number = len(slope), np.where(saved, np.cumsum(saved) - 1, -1)
         dt, dh = np.zeros((blocks + 1, DIRECTIONS)), np.zeros((blocks + 1, DIRECTIONS))

@@ -266,7 +266,7 @@ class SteppedMotion(ABC):
         start, stop = self.start_time, self.times[-1]
         jumps, breaks = (t[(start < t) & (t < stop)] for t in (self.jumps, self.breaks))
         later = self.times[self.times > start]
-        regular = np.union1d(later, breaks)
+        regular = np.union1d(later, breaks) if breaks.size else later
         instants, slopes = [start, *jumps], [np.zeros(len(k))] * (1 + len(jumps))
         for time, slope in self._events(k):
             near = regular[np.argmin(np.abs(regular - time))]
