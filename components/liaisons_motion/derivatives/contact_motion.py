@@ -241,9 +241,9 @@ class ContactMotion(SteppedMotion):
                 is_recorded = entries["record"] >= 0
                 checked = np.flatnonzero(is_recorded | (entries["kind"] == Kind.STEP))
                 self._refuse_states(k, ends[checked], entries.table[row[checked]], states[checked])
-                numbers = np.flatnonzero(is_recorded)
-                recorded = entries["record"][numbers]
-                records[recorded], shared[recorded] = states[numbers], entries.table[row[numbers]]
+                kept = np.flatnonzero(is_recorded)
+                recorded = entries["record"][kept]
+                records[recorded], shared[recorded] = states[kept], entries.table[row[kept]]
                 instants[recorded] = np.maximum(instants[recorded], segment.limits[0])
                 legs.append(_Leg(entries, start, stages if keep else None, landing, slopes, begin == 0))
                 landing = None
