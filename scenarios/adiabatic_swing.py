@@ -1,9 +1,9 @@
-"""A swing whose rope is let out slowly keeps its action, whatever it does with its energy and its amplitude.
+"""If the rope of a swing is lengthened slowly, the action is constant, although energy and amplitude change.
 
-M 8.1 with a SmoothStep that takes the length from 1 m to 2 m within T.  The action of a pendulum of fixed length, the
-area of its orbit in phase space over 2π, is (8/π) m l² Ω (E(k) - (1 - k²) K(k)) where it swings, and for a turn, where
-it goes round, (4/π) m l² Ω k E(1/k).  It is the same before and after, up to a power of 1/T that the jump of the fourth
-derivative of the length leaves.
+M 8.1: a SmoothStep takes the length from 1 m to 2 m within the time T.  The action of a pendulum of fixed length is the
+area of its orbit in phase space, divided by 2π: (8/π) m l² Ω (E(k) - (1 - k²) K(k)) if it swings, and (4/π) m l² Ω k
+E(1/k) per turn if it goes round.  It is the same before and after, up to a power of 1/T that is due to the jump in the
+fourth derivative of the length.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Andrews' squeezer of the IVP Test Set and IFToMM A03 by joints: ten digits at t = 0.03, eight of multipliers.
+"""Andrews' squeezer (IVP Test Set, IFToMM A03) from joints: ten digits of the angles, eight of the multipliers.
 
-Seven bodies in a plane, seven hinges as a tree and three that close its loops, which are six conditions with
-multipliers; a motor turns the crank, a spring holds the rocker.  The angles are those of the test set, since each is
-the coordinate of a hinge.  Its multipliers hold seven digits: extrapolation of its equations in extended precision,
-with two sizes of steps, gives the other ones.
+Seven bodies in a plane hang on a tree of seven hinges; three more hinges close loops, by six constraints with
+multipliers.  A motor turns the crank, a spring holds the rocker.  Each angle of the test set is the coordinate of a
+hinge; they are compared at t = 0.03.  The published multipliers are right to seven digits; the others are extrapolated
+from two step sizes, with the equations of the test set in extended precision.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""An arm at rest holds its load: the operator's torques are the moments of the weights about its six axes.
+"""When an arm holds its load at rest, the operator's torques are the moments of the weights about its six axes.
 
-The Arm stands in five poses, its load hanging on a spherical joint.  Inverse dynamics at rest is statics: each torque
-is the moment of all weights that the axis carries, by plain geometry in space.
+The Arm is at rest in five poses, and its load hangs on a spherical joint.  Inverse dynamics at rest is statics, so each
+torque is the moment of all weights that the axis carries.  This moment follows from the geometry of the pose.
 """
 
 from __future__ import annotations

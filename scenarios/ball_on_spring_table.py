@@ -1,8 +1,9 @@
-"""A ball bounces on a table that another FMU bears on a spring: at each impact both share what the port hands over.
+"""A ball bounces on a table on a spring, which is another FMU: each impact acts on both, through their port.
 
-One FMU is the ball, another the table: their port takes the table's height to the ball, and force and impulses back.
-With the masses m, M and the restitution e an impact at the rate w gives the table the impulse (1 + e) w m M/(m + M).
-Between impacts the ball falls freely and the table oscillates: flights, each of which ends at a root, give the motion.
+One FMU is the ball, another the table.  Their port passes the table's height to the ball, and forces and impulses back.
+With the masses m and M and the restitution e, an impact at the relative speed w gives the table the impulse (1 + e) w m
+M/(m + M).  Between impacts the ball falls freely and the table oscillates.  The expected motion consists of these
+flights, each of which ends at the root of an equation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""A ball runs into two that touch: struck at once they move on together; apart by a hair, one takes over from another.
+"""A ball strikes two others: if they touch, they move on together; with a tiny gap, the last one takes the motion.
 
-Moreau's rule, v⁺ >= max(0, -e v) with impulses that are not negative, treats the two that touch as one body.  A gap
-between them, however small, makes a sequence of impacts, which for equal masses and e = 1 is Newton's cradle.  Both
-keep the momentum; which of them is right is a question to the elasticity of the balls, which rigid bodies do not have.
+Moreau's rule, v⁺ >= max(0, -e v) with impulses that are not negative, treats the two balls that touch as one body.  A
+gap between them, however small, leads to a sequence of impacts, which for equal masses and e = 1 is Newton's cradle.
+Both outcomes conserve momentum.  Which of them is right depends on the elasticity of the balls, and rigid bodies have
+none.
 """
 
 from __future__ import annotations

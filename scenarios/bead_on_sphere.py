@@ -1,8 +1,9 @@
-"""A bead slides off a sphere at cos θ = (2/3) cos θ_0, and off Marle's hoop where its force changes sign.
+"""A bead leaves a sphere at cos θ = (2/3) cos θ_0, and Marle's hoop where the normal force changes sign.
 
-A sphere only pushes: from rest at θ_0 its force m g (3 cos θ - 2 cos θ_0) ends there, and a parabola begins.  The bead
-of M 8.4 is held by its hoop from both sides.  If the hoop only pushes, as the Ring of this file, the bead has the same
-motion up to the first zero of ``normal_force``, and then goes straight on.
+A sphere can only push.  If the bead starts from rest at θ_0, the force m g (3 cos θ - 2 cos θ_0) falls to 0 at this
+angle, and the bead continues along a parabola.  The hoop of M 8.4 holds its bead from both sides.  If a hoop can only
+push, like the Ring of this file, the bead has the same motion up to the first zero of ``normal_force``, and then moves
+on in a straight line.
 """
 
 from __future__ import annotations

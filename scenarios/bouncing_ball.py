@@ -1,8 +1,9 @@
 """A ball bounces infinitely often in a finite time, and stays on a shaken table if and only if Aω² <= g.
 
-Dropped from h on a table at rest it is at rest itself at t = √(2h/g) (1 + e)/(1 - e), the sum of all its flights.  On
-the table A sin ωt it leaves where the table falls away faster than it can, sin ωt = 1/Γ with Γ = Aω²/g, and follows a
-parabola.  What each impact takes is in ``impact_loss``, what the table gives in ``work``.
+Dropped from the height h on a table at rest, the ball comes to rest at t = √(2h/g) (1 + e)/(1 - e), the sum of all its
+flight times.  On a table that moves as A sin ωt, it lifts off where the table accelerates downwards with g, sin ωt =
+1/Γ with Γ = Aω²/g, and follows a parabola.  ``impact_loss`` has the energy that impacts dissipate, ``work`` that which
+the table supplies.
 """
 
 from __future__ import annotations

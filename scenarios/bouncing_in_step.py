@@ -1,9 +1,9 @@
-"""A ball that bounces once a period of a shaken table falls out of step by doubling its period, where theory says.
+"""A ball bounces once per period of a shaken table, until its period doubles at the acceleration that theory predicts.
 
-With Γ = Aω²/g bouncing in step exists from Γ = π (1 - e)/(1 + e) on and is stable up to
-Γ² = (π (1 - e)/(1 + e))² + (2 (1 + e²)/(1 + e)²)².  A sweep of FMUs shows the heights at the instants at which a ball
-in step is at its highest, after 200 periods: one, then two, then many.  A map of the impacts, each found as the root of
-a flight, has to give the same heights.
+With Γ = Aω²/g, bouncing in step exists from Γ = π (1 - e)/(1 + e) on and is stable up to Γ² = (π (1 - e)/(1 + e))² + (2
+(1 + e²)/(1 + e)²)².  A sweep of FMUs shows the heights after 200 periods, at the instants at which a ball in step is at
+its highest: first one height, then two, then many.  The same heights follow from a map of the impacts, each of which is
+the root of a flight.
 """
 
 from __future__ import annotations

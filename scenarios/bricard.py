@@ -1,7 +1,8 @@
-"""Bricard's six rods move although Grübler's formula counts no degree of freedom: hinges turn three by three.
+"""Bricard's six rods move although Grübler's formula gives no degree of freedom; every second hinge has the same angle.
 
-A loop of six hinges in space has 6 · 5 - 6 · 5 = 0 degrees of freedom; set at right angles along the edges of a cube,
-one of the conditions follows from the others.  Which one is found by rank; gravity does the rest.
+A loop of six hinges in space has 6 · 5 - 6 · 5 = 0 degrees of freedom.  If the rods lie at right angles along the edges
+of a cube, one of the constraints follows from the others; it is found from the rank of the Jacobian.  Gravity moves the
+rods.
 """
 
 from __future__ import annotations

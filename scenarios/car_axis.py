@@ -1,7 +1,7 @@
-"""The car axis of the IVP Test Set, by bodies and joints: its ground is a prescribed motion; nine digits at t = 3.
+"""The car axis of the IVP Test Set, built from joints on a prescribed ground, is right to nine digits at t = 3.
 
-What the test set writes as two constraints with multipliers are joints: the road turns as the operator says, the left
-wheel moves across it, the axle is a hinge.  No constraint is left, and nothing drifts.
+Joints replace the two constraints of the test set and their multipliers: an operator turns the road, the left wheel
+moves perpendicular to it, and the axle is a hinge.  No constraint is left, so nothing drifts.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A chain of masses and springs carries waves, long ones at c = √(κ/m) Δx; shorter ones are slower, and none is faster.
+"""In a chain of masses and springs, long waves travel at c = √(κ/m) Δx; shorter waves are slower, and none is faster.
 
-K 5.3, eq. 159-165.  One mass of a free chain is displaced, which starts all modes at once; their frequencies, read off
-the simulated motion mode by mode, are Ω_k = 2 √(κ/m) sin(kπ/2N).  Then an operator moves the end of a driven chain:
-the modal sum with a prescribed end, the arrival of a slow push at j Δx/c, and of a sudden one, ahead of which there is
-next to nothing: the chain's own response to a step is the integral of 2j J_2j(2 √(κ/m) t)/t.
+K 5.3, eq. 159-165.  Displacing one mass of a free chain excites all modes at once; their frequencies, read off the
+simulated motion mode by mode, are Ω_k = 2 √(κ/m) sin(kπ/2N).  Then an operator moves the end of a driven chain.  The
+motion agrees with the modal sum for a prescribed end.  A slow push arrives at mass j at the time j Δx/c.  Ahead of a
+sudden push there is next to no motion: the response of the chain to a step is the integral of 2j J_2j(2 √(κ/m) t)/t.
 """
 
 from __future__ import annotations

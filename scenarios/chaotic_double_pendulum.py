@@ -1,9 +1,10 @@
-"""Chaos, which spoils prediction, sharpens measurement: from 50 % off, a double pendulum's start and lengths are found.
+"""Chaos spoils prediction but sharpens measurement: start values and lengths of a double pendulum, from 50 % off.
 
-K 2.2, let go far from small angles.  Both angles are measured with noise for six seconds; their start and both
-lengths are unknown.  What is 1e-8 apart at the start is 0.001 apart at the end: the sum of squares is full of minima,
-and segments that begin where the measurement is lead to the true one.  There one combination of the unknowns is told
-as sharply as deviations have grown, the others as without chaos.
+K 2.2, released far from small angles.  Both angles are measured with noise for six seconds; their start values and both
+lengths are unknown.  Motions that are 1e-8 apart at the start are 0.001 apart at the end, so the sum of squares has
+many minima.  Multiple shooting, with segments that begin at measured values, leads to the true minimum.  One
+combination of the unknowns is then determined more sharply by the factor by which deviations have grown, the others as
+without chaos.
 """
 
 from __future__ import annotations

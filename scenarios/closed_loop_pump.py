@@ -1,8 +1,9 @@
-"""A child that rises when the swing comes down and crouches when it turns pumps it, without a schedule: a closed loop.
+"""A child pumps a swing by feedback: it rises at the lowest point and crouches at the turning points.
 
-M 8.1 with the SwingPump, which watches θ and θ' and moves the length through three filters, so that its rate and
-acceleration are continuous.  The quicker the filters, the nearer is the growth of 1 - cos θ_max in a half swing to that
-of sudden crouches, (l_low/l_high)³; what is lost goes as the delay of the filters, 3/rate.
+M 8.1: the SwingPump measures θ and θ' and moves the length through three filters, so that the rate and acceleration of
+the length are continuous.  The faster the filters, the closer the growth of 1 - cos θ_max per half swing comes to that
+of sudden crouches, (l_low/l_high)³, where l_low is the length of a crouching child.  The loss is proportional to the
+square of the delay of the filters, 3/rate.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""A swing that is watched by its own operator: SwingPump measures θ, θ' and moves the length, a loop of two FMUs.
+"""A loop of two FMUs pumps a swing: SwingPump, its operator, measures θ and θ' and moves the length.
 
-The operator stands up (shortest length) while |θ| grows and crouches while it falls (M 8.1).  Crouches at once would
-multiply 1 - cos θ_max by (l_high/l_low)³ each half swing; three filters of the given rate take the time τ = 3/rate, a
-delay at instants where the gain is stationary, so that what is missing is of second order, (Ω τ)².
+The operator stands up (shortest length, l_low) while |θ| grows and crouches (l_high) while it falls (M 8.1).  Sudden
+crouches would multiply 1 - cos θ_max by (l_high/l_low)³ each half swing.  Three filters of the given rate cause the
+delay τ = 3/rate.  Because the gain is stationary with respect to the instants of crouching, the loss is of second
+order, (Ω τ)².
 """
 
 from __future__ import annotations

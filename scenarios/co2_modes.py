@@ -1,8 +1,8 @@
-"""CO2 along its axis has three normal modes, with Ω = 0, √(κ/m), √(κ(1/m + 2/M)), and every motion is their sum.
+"""Along its axis CO2 has three normal modes, with Ω = 0, √(κ/m), √(κ(1/m + 2/M)), and every motion is a sum of these.
 
 K Ex. 11, eq. 152-158, with the masses of oxygen and carbon.  The eigenvalues of K eq. 156 are the squares of the
-frequencies.  Each mode is started alone and its frequency read off the simulated motion; then one atom is struck, all
-three modes sound together, and each keeps its energy.
+frequencies.  Each mode is started alone, and its frequency is read off the simulated motion.  Then one atom is struck,
+which excites all three modes, and each keeps its energy.
 """
 
 from __future__ import annotations

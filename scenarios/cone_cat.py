@@ -1,8 +1,8 @@
-"""A falling cat turns over by leading one half round a cone tilted against the other: Kane and Scher's integral.
+"""A falling cat turns over as one half goes round a cone, tilted against the other half: Kane and Scher's integral.
 
-M 8.2.  Half B's axis goes round a cone, smoothly from rest to rest, in the frame of half A.  The operators of this file
-prescribe bend and azimuth, without twist, and a + b stays fixed in space.  Scenario ``spatial_cat`` has a bend that
-stays the same.
+M 8.2.  In the frame of half A, the axis of half B goes round a cone, smoothly from rest to rest.  The operators of this
+file prescribe bend and azimuth, without twist, and a + b stays fixed in space.  In scenario ``spatial_cat`` the bend is
+constant.
 """
 
 from __future__ import annotations

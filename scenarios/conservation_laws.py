@@ -1,9 +1,10 @@
-"""What the Lagrangian is blind to, the motion keeps: each symmetry has its constant, each constant {H, A} = 0.
+"""Each symmetry of the Lagrangian has a constant of the motion, and each constant A satisfies {H, A} = 0.
 
-K 2.4, 3.2 and 3.3, on the Lagrangian and then along FMUs.  Noether's theorem turns rotations into the angular momentum
-of a planet and the canonical one of a charge, and a translation along the field into a momentum; a rotation is no
-symmetry of the pendulum.  Poisson brackets, with K's sign {p, q} = +1, find that the eccentricity vector of the planet
-is constant too, though it belongs to no symmetry of space, and give the rate of what is not constant, dA/dt = {H, A}.
+K 2.4, 3.2 and 3.3, for the Lagrangian and then along the motions of FMUs.  By Noether's theorem, rotations give the
+angular momentum of a planet and the canonical one of a charge, and a translation along the field gives a momentum; a
+rotation is not a symmetry of the pendulum.  Poisson brackets, with K's sign {p, q} = +1, show that the eccentricity
+vector of the planet is also constant, although it belongs to no symmetry of space, and give the rate of other
+quantities, dA/dt = {H, A}.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Ten Oscillator FMUs in a row, each mass the support of the next spring, are one chain with its normal modes.
+"""Ten Oscillator FMUs in a row, in which each mass supports the next spring, have the normal modes of one chain.
 
-Mass j is a port both ways: its motion is the support of oscillator j + 1, whose force is its load.  The first has no
-spring.  Then u_j'' = (κ/m)(u_(j+1) - 2 u_j + u_(j-1)) with free ends, and (K 5.3)
+The port of mass j works both ways: its motion moves the support of oscillator j + 1, whose force is its load.  The
+first oscillator has no spring.  Then u_j'' = (κ/m)(u_(j+1) - 2 u_j + u_(j-1)) with free ends, and (K 5.3)
 
     Ω_k = 2 √(κ/m) sin(kπ/2N),    φ_k(j) = cos(kπ (j - ½)/N)
 
-Three ways to the same motion stand in the table that is printed: the ten co-simulated, at several H; the same system
-flattened, which is one FMU without coupling; the modes.
+The printed table compares three ways to the same motion: co-simulation of the ten FMUs with several step sizes H; the
+flattened system, which is one FMU without coupling; and the modes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Two Pendulum FMUs, bob onto pivot, are the double pendulum: implicit coupling of fourth order, for any masses.
+"""Two Pendulum FMUs, bob to pivot, are the double pendulum: implicit coupling is of fourth order for any masses.
 
-Explicit coupling hands the force of the lower pendulum over one sweep late.  Its effective mass at the pivot is
-Θ = m_2 n nᵀ along its rod n (M eq. 50), the upper bob's mobility t tᵀ/m_1 across its own rod, so each sweep multiplies
-an error of the force by -(m_2/m_1) sin²(θ_2 - θ_1): beyond 1 it fails, however short the step.  Newton's method with
-the FMUs' own Θ does not care.
+Explicit coupling passes the force of the lower pendulum on one sweep late.  The effective mass of this pendulum at its
+pivot is Θ = m_2 n nᵀ along its rod n (M eq. 50); the mobility of the upper bob is t tᵀ/m_1 across its own rod.  Each
+sweep therefore multiplies an error of the force by -(m_2/m_1) sin²(θ_2 - θ_1).  If this factor exceeds 1, explicit
+coupling fails, however short the step.  Newton's method, with Θ from the FMUs, converges for any factor.
 """
 
 from __future__ import annotations

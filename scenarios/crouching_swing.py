@@ -1,8 +1,8 @@
 """A swing is pumped by crouching and rising: each time 1 - cos θ_max is multiplied by (l_low/l_high)³.
 
-The operator prescribes the length of a Pendulum (M 8.1), short through the lowest point, long at the turning points.
-As θ and p_θ are continuous through each jump, the growth has a closed form, and the instants are elliptic integrals.
-Scenario ``pumped_swing`` moves the length smoothly.
+The operator prescribes the length of a Pendulum (M 8.1): it becomes l_high when the child stands up at the lowest
+point, and l_low when the child crouches at a turning point.  Since θ and p_θ are continuous through each jump, the
+growth has a closed form, and the instants are elliptic integrals.  Scenario ``pumped_swing`` moves the length smoothly.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A swing that dies away tells friction and length together: with what is sure of one, the other is surer than alone.
+"""A decaying swing determines friction and length; their errors are correlated, so knowing one sharpens the other.
 
-K Ex. 6, far from small swings.  θ(t) is measured with noise; η, l and θ_0 are unknown.  The fit has to end where least
-squares over the integrated equation θ'' + ηθ' + g/l sin θ = 0 ends, with its covariance, whose 95 % ellipse is drawn:
-of 400 measurements that are made up, as many must lie inside.  The decrement of a large swing is that of its action,
-not of its amplitude: ∮ p dθ falls as e^(-ηt), but for (η/Ω)², as 2T averages to Ω ∮ p dθ/2π at any amplitude.
+K Ex. 6, far from small swings.  θ(t) is measured with noise; η, l and θ_0 are unknown.  The fit must agree with least
+squares over the integrated equation θ'' + ηθ' + g/l sin θ = 0, and so must its covariance, whose 95 % ellipse is drawn;
+95 % of 400 simulated measurements must lie inside.  In a large swing it is the action, not the amplitude, that decays
+exponentially: ∮ p dθ falls as e^(-ηt), up to (η/Ω)², since 2T averages to Ω ∮ p dθ/2π at any amplitude.
 """
 
 from __future__ import annotations

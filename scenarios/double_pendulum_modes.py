@@ -1,8 +1,9 @@
-"""A double pendulum swings slightly in two normal modes: apart from them it is off by the cube of the amplitude.
+"""Small motions of a double pendulum are sums of two normal modes; the deviation grows as the cube of the amplitude.
 
-K 5.2 for two equal rods and a light lower bob, where the frequencies lie close together: let go with the lower rod
-displaced alone, the pendulum beats, and the swing wanders up the rods and back.  At large amplitude there is chaos, and
-only the energy is left to check: two starts that differ by 1e-9 rad part by more than a turn.
+K 5.2 for two equal rods and a light lower bob, where the frequencies are close together.  Released with only the lower
+rod displaced, the pendulum beats: the motion passes to the upper rod and back.  At large amplitude the motion is
+chaotic, and only the energy can be checked: two motions whose start values differ by 1e-9 rad end more than a turn
+apart.
 """
 
 from __future__ import annotations

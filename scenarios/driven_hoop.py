@@ -1,7 +1,8 @@
-"""On a hoop that is turned at constant rate a bead is a pendulum: ψ'' = -(d/R) β'² sin ψ, elliptic functions.
+"""On a hoop that turns at a constant rate, a bead moves like a pendulum: ψ'' = -(d/R) β'² sin ψ.
 
-M 8.4 for the circle about a point off its centre.  The operator (a Ramp FMU on the port beta) has to supply the torque
-that balances the normal force's moment about O; the closed form gives it, and its power, too.
+M 8.4 for a circle that turns about a point O other than its centre.  The operator (a Ramp FMU on the port beta) has to
+supply the torque that balances the moment of the normal force about O.  The closed form, by elliptic functions, gives
+this torque and its power, too.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ BOUNDS = {"xi": 1e-7, "xi_dot": 1e-7, "normal_force": 1e-6, "beta_force": 1e-6, 
 def lesson() -> Lesson:
     return Lesson(
         "CircularHoop",
-        question="A hoop is turned evenly about a point that is not its centre: what does the bead on it do?",
-        predict="Does it come to rest, run round evenly, or swing; and about which point of the hoop?",
-        try_out="Change the rate at which the hoop turns, then where the bead begins.",
-        answer="It swings like a pendulum about the point farthest from the axis, ψ'' = -(d/R) β'² sin ψ: the faster "
-        "the hoop, the faster the swing, in proportion.  There is no gravity.",
+        question="A hoop turns at a constant rate about a point that is not its centre.  What does the bead on it do?",
+        predict="Does it come to rest, run round at a constant speed, or swing?  If it swings, about which point?",
+        try_out="Change the rate at which the hoop turns, then the start position of the bead.",
+        answer="It swings like a pendulum about the point farthest from the axis, ψ'' = -(d/R) β'² sin ψ.  Its "
+        "frequency is proportional to the rate of the hoop.  There is no gravity.",
         controls=["beta", "xi_0"],
         plots=["xi", "beta_force"],
         start_values={"xi_0": 2.5, "xi_dot_0": 0.0, "beta": operator("Ramp", rate=RATE)},

@@ -1,8 +1,9 @@
-"""Dry friction takes the same length from each half swing, carries on a belt, and lets go: stick-slip, and drift.
+"""Dry friction shortens each half swing by the same length; on belts, it causes stick-slip and drift.
 
-On a belt at rest each half swing loses 2 μ m g/K, and the mass stays where static friction holds it.  On a belt at the
-speed v it sticks for 2δ/v and slides for (2/ω)(π - arctan(δω/v)), with δ = (μ_s - μ_k) m g/K.  A free block on a belt
-that is shaken, A sin ωt with Aω² ≫ μg, yields to any force: it drifts at Aω sin(πF/2μmg) in the mean.
+On a belt at rest, each half swing of a mass on a spring loses 2 μ m g/K, until static friction holds the mass.  On a
+belt at the speed v, the mass sticks for 2δ/v and slides for (2/ω)(π - arctan(δω/v)), with δ = (μ_s - μ_k) m g/K.  A
+free block on a belt that is shaken, A sin ωt with Aω² ≫ μg, yields to any force F: its mean velocity is Aω
+sin(πF/2μmg).
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""The motion of a bead on a moving hoop is the sum of three fields: free motion, the hoop's energy, connection.
+"""The vector field of a bead on a moving hoop has three parts: free motion, a force from K_Y, and the connection.
 
 M eq. 52, D_Y = D_0 - X_K + H(Y), with the terms of eq. 65-67 for the hoop, Y = β', in the coordinates ξ and p_ξ:
 
     D_0 = (p_ξ/m, 0)        H(Y) = (-a Y, a' p_ξ Y)        -X_K = (0, ½ m b' Y²)
 
-On a circle, centre at d from O, a = R + d cos ξ/R, b = d² sin² ξ/R.  A FourierSeries shakes it; at every communication
-point the three terms add up to the FMU's own derivatives.  At a given (ξ, p_ξ) the FMU shows them one by one: its
-field at rest, and what is odd and even in Y.  The terms that the analysis derives from the Lagrangian of a hoop of any
-shape do the same.  About the centre of the circle -X_K vanishes, as for a swing or a cat.
+On a circle whose centre is at the distance d from O, a = R + d cos ξ/R and b = d² sin² ξ/R.  A FourierSeries shakes the
+hoop; at every communication point the three terms add up to the derivatives of the FMU.  At a given (ξ, p_ξ) they are
+also read off the FMU one by one: as its field at rest, and as the parts that are odd and even in Y.  The terms that
+``analysis`` derives from the Lagrangian of a hoop of any shape agree.  If the hoop turns about the centre of the
+circle, -X_K vanishes, as for a swing or a cat.
 """
 
 from __future__ import annotations

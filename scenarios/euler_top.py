@@ -1,7 +1,8 @@
-"""A free rigid body turns by Jacobi's elliptic functions, its attitude by an elliptic integral of the third kind.
+"""A free rigid body: its rates are elliptic functions, its attitude an elliptic integral of the third kind.
 
-M 8.3 with the wheels locked.  About the axes of the largest and the least moment the rotation is stable; started about
-the middle axis the body turns over, and over again, after a time that grows with the logarithm of the disturbance.
+M 8.3 with the wheels locked.  Rotations about the axes of the largest and the smallest moment of inertia are stable.
+Started about the middle axis, the body turns over again and again, each time after an interval that grows with the
+logarithm of the inverse of the disturbance.
 """
 
 from __future__ import annotations

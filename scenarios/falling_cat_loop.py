@@ -1,9 +1,10 @@
-"""Two operators lead a falling cat round a closed loop of shapes: it turns by a line integral, found in sixth order.
+"""Two operators take a falling cat round a closed loop of shapes: it turns by a line integral, to sixth order.
 
 M 8.2.  Two Sinusoids move the limbs of a PlanarCat once round an ellipse of shapes while it falls.  Without angular
-momentum φ' = -(J_1 ψ_1' + J_2 ψ_2')/I, so a closed loop turns the trunk by -∮ (J_1 dψ_1 + J_2 dψ_2)/I, whoever falls
-where; a loop that is retraced turns it by nothing.  The triples of the operators give quintic polynomials of σ between
-communication points: sixth order in H, twenty points a loop are plenty.
+momentum φ' = -(J_1 ψ_1' + J_2 ψ_2')/I, so a closed loop turns the trunk by -∮ (J_1 dψ_1 + J_2 dψ_2)/I, at any speed and
+whatever the fall.  A path that is retraced does not turn it.  From the operators' values, rates and accelerations, σ is
+reconstructed by quintic polynomials between communication points.  This is of sixth order in H, so twenty points per
+loop suffice.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ def fall(phase: float, steps: int) -> Result:
 def lesson() -> Lesson:
     return Lesson(
         "PlanarCat",
-        question="A cat falls without spin: can it turn by moving its limbs, and come back to its first shape turned?",
-        predict="Its angular momentum stays 0.  Does the trunk end where it began after each round of the limbs?",
-        try_out="Both limbs swing, a quarter of a period apart.  Then hold the first: psi_1 by hand, and Reset.",
+        question="A cat falls without spin.  Can it move its limbs so that, back in its first shape, it has turned?",
+        predict="Its angular momentum stays 0.  Is the trunk back at its first angle after each round of the limbs?",
+        try_out="Both limbs swing, a quarter of a period apart.  Then hold the first: set psi_1, and press Reset.",
         answer="It turns with each round, by the same angle at any speed: -∮ (J_1 dψ_1 + J_2 dψ_2)/I, an area in the "
-        "space of shapes.  With one limb alone the path is retraced, encloses no area, and turns it by nothing.",
+        "space of shapes.  With one limb alone the path is retraced and encloses no area, so the cat does not turn.",
         controls=["psi_1", "psi_2"],
         plots=["phi"],
         start_values={

@@ -1,10 +1,11 @@
-"""A sphere turns by 180° from rest to rest faster than about one axis: in 3.2431 instead of 2√π = 3.545 time units.
+"""The fastest turn of a sphere by 180° from rest to rest is not about one axis: it takes 3.2431, not 2√π = 3.545.
 
 M 8.3: three wheels whose motors give |λ| <= 1 turn a satellite with J - J_w = 1 on all axes.  Without angular momentum
-λ = -(J - J_w) ω': each axis is a double integrator, but the attitude is what they make together.  About one axis the
-best is to accelerate half way; the optimum has five switches (K. D. Bilimoria and B. Wie, J. Guidance 16, 446, 1993),
-and takes 3.24308: their 3.2430 are its digits, cut off, not rounded.  That is shot here by Pontryagin's principle: at
-each switch an axis' costate passes through 0, and nowhere else.  The plan finds the switches, FMUs perform it.
+λ = -(J - J_w) ω', so each axis is a double integrator, but the attitude depends on all three.  About one axis it is
+best to accelerate half way.  The optimum has five switches (K. D. Bilimoria and B. Wie, J. Guidance 16, 446, 1993) and
+takes 3.24308; their 3.2430 is this number cut off, not rounded.  It is computed here by shooting with Pontryagin's
+principle: the costate of an axis passes through 0 at its switches and nowhere else.  ``plan`` finds the switches, and
+FMUs replay the motion.
 """
 
 from __future__ import annotations

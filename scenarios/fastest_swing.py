@@ -1,9 +1,10 @@
-"""The fastest half swing from 0.5 to 0.55 rad stands up before the lowest point, and sits down before it turns.
+"""In the fastest half swing from 0.5 to 0.55 rad, one stands up before the lowest point and sits down before the turn.
 
-M 8.1 with M 2: the length of a Pendulum lies between l_min and l_max, may jump, and the time to an amplitude is to be
-least.  Where energy alone counts it switches at θ = 0; here a short pendulum also swings faster.  As p is continuous
-through both switches and energy constant between them, c_1 - c_2 = (cos α - cos β)/(1 - (l_min/l_max)³), c = cos θ,
-from amplitude α to β.  The arcs take elliptic integrals of the first kind, and one number is left to choose.
+M 8.1 with M 2: the length of a Pendulum lies between l_min and l_max and may jump, and the time to reach an amplitude
+is minimized.  To gain the most energy, the length would switch at θ = 0; but a short pendulum also swings faster.
+Since p is continuous through both switches and the energy constant between them, c_1 - c_2 = (cos α - cos β)/(1 -
+(l_min/l_max)³), c = cos θ, from amplitude α to β.  The duration of each arc is an elliptic integral of the first kind,
+and one number remains to be optimized.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""An operator that follows a field Y on the space of shapes, ṡ = Y(s), and the field D_Y that this makes on V*M.
+"""If an operator follows a field Y on the space of shapes, ṡ = Y(s), the motion follows a field D_Y on V*M.
 
 M 6.  Y(s) = (μ - |s|²) s + ω J s is drawn on the shapes (ψ_1, ψ_2) of a PlanarCat: all shapes but 0 approach the circle
 |s|² = μ, r² = μ/(1 + (μ/r_0² - 1) e^{-2μt}).  The FMU moves along the integral curves of D_Y = D_0 - X_K + H(Y), as
-``analysis`` derives it, whenever it gets there.  On the circle each round turns the cat by the holonomy.
+``analysis`` derives it, at any time.  On the circle each round turns the cat by the holonomy.
 """
 
 from __future__ import annotations

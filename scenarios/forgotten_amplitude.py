@@ -1,9 +1,9 @@
-"""How far a swing's length was moved need not be written down: θ(t) alone tells it, and the frequency of the moving.
+"""From θ(t) alone, the amplitude and the frequency with which a swing's length was moved can be identified.
 
 M 8.1: a Sinusoid moves the length of a Pendulum, and no length is measured.  Its amplitude and angular frequency are
-parameters of the operator, unknown like θ_0.  The fit has to end where least squares over the integrated equation
-l θ'' + 2 l' θ' + g sin θ = 0 ends, with its standard errors.  At twice the frequency of the swing the amplitude shows
-as growth: 60 mm are told to a fraction of a millimetre by an angle alone.
+parameters of the operator, and unknown like θ_0.  The fit must agree with least squares over the integrated equation l
+θ'' + 2 l' θ' + g sin θ = 0, including standard errors.  At twice the frequency of the swing, the amplitude appears as
+growth, so 60 mm are determined to a fraction of a millimetre by measuring only an angle.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Foucault's pendulum: the floor of the Panthéon turns beneath a plane of swing that does not.
+"""Foucault's pendulum: the floor of the Panthéon turns beneath a plane of swing that stays fixed.
 
-An operator turns the floor at the rate Ω = ω sin λ of the vertical at the latitude λ.  Released from rest on the floor,
-the bob has the rate Ω a in a frame that does not turn, where it is a spherical pendulum: its orbit is an ellipse with
-the half axes a and b = Ω a/n, n² = g/l, which itself turns at the rate 3/8 n a b/l² (Airy).  On the floor, the plane
-of swing turns by
+An operator turns the floor about the vertical at the rate Ω = ω sin λ, where λ is the latitude.  A bob that is released
+from rest relative to the floor has the speed Ω a in a frame that does not turn.  There it is a spherical pendulum: its
+orbit is an ellipse with the half axes a and b = Ω a/n, n² = g/l, which itself turns at the rate 3/8 n a b/l² (Airy).
+Relative to the floor, the plane of swing turns by
 
     -Ω t (1 - 3/8 (a/l)²).
 
-Weight and wire have no moment about the vertical: the floor turns without a torque.
+Weight and wire exert no moment about the vertical, so the floor turns without a torque.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A crank turns a four-bar linkage: its rocker follows Freudenstein's equation, and the operator's work is the energy.
+"""In a four-bar linkage driven by its crank, the rocker follows Freudenstein's equation; work and energy balance.
 
-The loop of the FourBar is closed by its fourth hinge, of whose five conditions two are left: the others follow from
-parallel axes, and the FMU does without them.
+The fourth hinge of the FourBar closes the loop.  Of its five constraints, the FMU needs two; the others follow from the
+parallel axes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Falls from all heights are similar: the trajectory is a parabola, and τ'/τ = √(L'/L).
 
-K 2.5, eq. 59: the potential of the weight, +m g z (the printed sign lets things rise), is homogeneous of degree 1, so
-that a scaling of lengths by λ scales times by λ^(1 - h/2).  Friction brings a length of its own, g/η², and the
-similarity is lost: a fall from high up takes longer.
+K 2.5, eq. 59: the potential of the weight, +m g z (with the printed sign, bodies would rise), is homogeneous of degree
+h = 1, so that scaling lengths by λ scales times by λ^(1 - h/2).  Friction introduces a length of its own, g/η², and the
+similarity is lost: falls from great heights take longer.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Friction in proportion to the momentum, Q = -η ∂T/∂q', takes energy at the rate 2ηT: a swing dies away as e^(-ηt/2).
+"""Friction proportional to the momentum, Q = -η ∂T/∂q', dissipates 2ηT: a swing decays as e^(-ηt/2).
 
-K 2.6, eq. 61-67, and Ex. 6 with its sign put right.  A pendulum let go near the top gives up 2ηT at every instant, so
-that energy and what is dissipated add up; small swings have the closed form of the damped oscillator, whatever η, and
-a flywheel runs down exponentially.
+K 2.6, eq. 61-67, and Ex. 6 with its sign corrected.  A pendulum released near the top loses energy at the rate 2ηT at
+every instant, so that the sum of its energy and the dissipated energy is constant.  Small swings have the closed form
+of the damped oscillator for any η, and a flywheel slows down exponentially.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A Furuta pendulum swings and drags its arm along: it moves by the published equations, and p of the arm is constant.
+"""A Furuta pendulum whose arm is free moves by the published equations, and the momentum of the arm is constant.
 
 Arm and pendulum are two bodies with two hinges at right angles; the equations of Cazzolato and Prime were derived by
-hand.  No torque acts on the vertical axis, so that the momentum about it stays what it was.
+hand.  No torque acts about the vertical axis, so the momentum about it is constant.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A pendulum that swings far measures g as well as one that hardly moves: g = 16 K² l/T², and not 4 π² l/T².
+"""A large swing measures g as well as a small one, by g = 16 K² l/T² instead of 4 π² l/T².
 
-K Ex. 3 the other way round.  θ(t) is measured with noise at an amplitude that makes T a half longer than 2π √(l/g); g
-and θ_0 are unknown.  The fit has to end where least squares over Jacobi's elliptic functions ends, with the standard
-errors that these promise, ∂θ/∂g being ½ t θ'/g, as only g t²/l enters.  Legendre's K turns the period of the FMU that
-has the fitted values into the same g; the formula of small swings is wrong by half.
+K Ex. 3 as an inverse problem.  θ(t) is measured with noise at an amplitude that makes T half as long again as 2π
+√(l/g); g and θ_0 are unknown.  The fit must agree with least squares over Jacobi's elliptic functions, including
+standard errors, where ∂θ/∂g is ½ t θ'/g since only g t²/l enters.  With Legendre's K, the period of an FMU that has the
+fitted values gives the same g; the formula for small swings is wrong by half.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A gyroscope in gimbals precesses steadily at two rates, (I_1 + B - C) Ω² cos θ - I_3 ω_3 Ω + m g l = 0.
 
-Started at a rate of precession and the spin that belongs to it, the Gyroscope keeps its inclination; released without
-precession it nods instead, between two angles that energy and the two momenta give.
+Started with a rate of precession and the spin that satisfies this equation, the Gyroscope keeps its inclination.
+Released without precession, it nods between two angles that follow from the energy and the two momenta.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Legendre's transform alone gives the motion of a mechanism with an operator, and the operator's forces.
+"""Legendre's transformation of L gives both the motion of a mechanism with an operator and the operator's forces.
 
 M eq. 29-38.  H(x, s, p, p_s) is made from L; ∂H/∂p_s = ṡ is solved for p_s, and Hamilton's equations with multipliers
-give ẋ, ṗ and λ = dp_s/dt + ∂H/∂s.  The FMUs have another derivation: Lagrange's equations in (x, p, ṡ).  L has to be
-hyper-regular, which a massless operator's coordinate is not: the kinetic energy of the Pendulum has rank 2 in its four
-rates.  There H̃ - Σ Y p_s on V*M takes the place of H (M eq. 45-47), with the same equations.
+give ẋ, ṗ and λ = dp_s/dt + ∂H/∂s.  The FMUs are derived differently, from Lagrange's equations in (x, p, ṡ).  L has to
+be hyper-regular, which it is not if a prescribed coordinate moves no mass of its own: the kinetic energy of the
+Pendulum has rank 2 in its four rates.  Then H̃ - Σ Y p_s on V*M takes the place of H (M eq. 45-47), with the same
+equations.
 """
 
 from __future__ import annotations

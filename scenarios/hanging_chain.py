@@ -1,8 +1,8 @@
 """A hanging chain swings in as many modes as it has links, with Ω² = g/l times the zeros of a Laguerre polynomial.
 
-K 2.2 for any number of links; its small motions are D. Bernoulli's, of 1732.  All modes of ten links are started at
-once, slightly, and told apart by projection.  A shaken pivot then drives the chain, at the frequency of its second
-mode, to a motion that is not small: the energy gained is the operator's work.
+K 2.2 for any number of links; D. Bernoulli solved the small motions in 1732.  All modes of ten links are excited at
+once, with small amplitudes, and separated by projection.  A pivot that is shaken at the frequency of the second mode
+then drives the chain to large motions; the energy gained is the operator's work.
 """
 
 from __future__ import annotations

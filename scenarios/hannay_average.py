@@ -1,14 +1,14 @@
-"""Averaged over the place where the bead starts, a hoop turned once round shifts it by -4πA/ℓ, however it is started.
+"""Averaged over its start position, a bead is shifted by -4πA/ℓ when its hoop turns once, however the turn begins.
 
-M 8.4, eq. 64; A and ℓ are area and length of the hoop.  Started smoothly, every bead is shifted by that much, but for a
-remainder of order 1/T³.  If the rate jumps to 2π/T and p_ξ stays mv, a bead is shifted by -2πa(ξ_0), a = r²θ', which
-differs from bead to bead by metres; the average is again -4πA/ℓ.  With Jacobi's integral ξ'² - β'² r², and P the
-periodic primitive of r², its remainder is
+M 8.4, eq. 64; A and ℓ are area and length of the hoop.  If the turn begins smoothly, every bead is shifted by this
+amount, up to a remainder of order 1/T³.  If the rate jumps to 2π/T and p_ξ stays mv, a bead is shifted by -2πa(ξ_0), a
+= r²θ', which differs from bead to bead by metres; the average is again -4πA/ℓ.  With Jacobi's integral ξ'² - β'² r²,
+and P the periodic primitive of r², its remainder is
 
     (2π)² / (2 v² T²) · (<P(ξ_0 + vT - 2πa)> - 2π cov(a, r²)) + O(1/T³)
 
-If the speed along the turning hoop is what is prescribed, there is no shift on average.  These are ensembles of the
-equations that the FMUs have; scenario ``hannay_hoop`` runs the FMUs themselves for some beads.
+If instead the speed along the turning hoop is given, there is no shift on average.  Here ensembles integrate the
+equations of the FMUs; scenario ``hannay_hoop`` runs the FMUs themselves for some beads.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""A hoop that is slowly turned once round leaves its bead behind by 4π area/length, however the bead ran: Hannay-Berry.
+"""A hoop that slowly turns once leaves its bead behind by 4π area/length, at any speed of the bead: Hannay-Berry.
 
-M 8.4, eq. 64.  A SmoothStep turns three hoops, a circle about a point off its centre, an ellipse and a Fourier hoop, by
-2π in the time T; the bead runs at 1 m/s before and after.  Averaging eq. 64 to fourth order tells what the shift lacks:
-it is of order 1/T³, and one of its terms depends on the place ξ_0 of the bead at the start, where SmoothStep, which is
-C³, jumps in its fourth derivative.
+M 8.4, eq. 64.  A SmoothStep turns three hoops by 2π in the time T: a circle about a point off its centre, an ellipse
+and a Fourier hoop.  The bead runs at 1 m/s before and after.  Averaging eq. 64 to fourth order gives the error of the
+shift.  It is of order 1/T³, and one of its terms depends on the position ξ_0 of the bead at the start, because
+SmoothStep is only C³ and its fourth derivative jumps there.
 
-The smooth start is essential.  If the rate itself jumps, p_ξ is continuous and the shift is -2πa(ξ_0); if the bead's
-speed along the turning hoop is what is prescribed, there is none at all.
+The smooth start is essential.  If the rate itself jumps, p_ξ is continuous and the shift is -2πa(ξ_0).  If instead the
+speed of the bead along the turning hoop is given, there is no shift at all.
 """
 
 from __future__ import annotations

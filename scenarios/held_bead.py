@@ -1,9 +1,10 @@
-"""A bead is brought to the far side of its hoop and held there: what falls by exp(λt) comes back by exp(-λt).
+"""A bead is held on the far side of its hoop, where it is unstable: exp(λt) without feedback becomes exp(-λt) with it.
 
 M 8.4: on a hoop that an operator turns at the rate β', a bead is a pendulum, ψ'' = -(d/R) β'² sin ψ, which stands
 upright at ψ = π, on the far side of the axis, and falls from there at the rate λ = β' √(d/R).  ``hold`` speeds the hoop
-up and slows it down a little.  The dearer that is, the more nearly it does the least that there is to do: it mirrors
-the rate that grows, so that two of the four multipliers become exp(-λH).  A plan brings the bead there, held too.
+up and slows it down a little.  If corrections are weighted heavily, the feedback does only what is necessary: it
+mirrors the growing exponent, so that two of the four multipliers become exp(-λH).  A plan, also held, brings the bead
+there.
 """
 
 from __future__ import annotations

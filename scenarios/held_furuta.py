@@ -1,9 +1,9 @@
-"""A Furuta pendulum stands upside down by the torque of its motor: the gains are those of our own Riccati equation.
+"""Feedback by a motor's torque holds a Furuta pendulum upright; its gains solve an independent Riccati equation.
 
-The motor gives a torque that is constant from sample to sample, and answers a sample one period later, by which the
+The torque of the motor is constant from sample to sample and responds to a sample one period later, for which the
 states are predicted: K (A x + B u).  The reference is linearised by hand from Cazzolato and Prime (2011), eq. 33-34,
-and takes the stable eigenvectors of the symplectic matrix; ``hold`` differentiates the Lagrangian's equations, and
-takes SciPy's solver.
+and uses the stable eigenvectors of the symplectic matrix.  ``hold`` differentiates the equations that follow from the
+Lagrangian, and uses SciPy's solver.
 """
 
 from __future__ import annotations

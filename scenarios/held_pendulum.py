@@ -1,10 +1,10 @@
-"""A pendulum stands upright because its pivot is moved by feedback, or because it is shaken (Kapitza).
+"""A pendulum is held upright by moving its pivot, either with feedback (LQR) or by shaking it (Kapitza).
 
 ``hold`` linearises about θ = π, solves Riccati's equation of the sampled loop, and a Regulator FMU reads the states
-every 20 ms.  The loop over one step is compared with what the FMUs show.  Beside it a Sinusoid shakes pivot_z,
-a sin Ωt, which keeps the pendulum about the top from the same 0.2 rad without looking.  What an operator exchanges,
-∫ |P| dt, is the work that has to be spent where none is won back: by the shaker m a² Ω³ t/π cos² θ on average, which
-pulls the bob to and fro; by feedback little more than what lifts the bob.
+every 20 ms.  The closed loop over one step is compared with the FMUs.  For comparison, a Sinusoid shakes pivot_z, a sin
+Ωt, which keeps the pendulum near the top without any measurement, from the same 0.2 rad.  ∫ |P| dt is the work that an
+operator has to do if no energy is recovered.  The shaker, which moves the bob to and fro, needs m a² Ω³ t/π cos² θ on
+average; feedback needs little more than the energy that lifts the bob.
 """
 
 from __future__ import annotations

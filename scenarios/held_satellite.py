@@ -1,9 +1,10 @@
-"""A satellite that was turned by 180° is held against a push: its wheels take the momentum, and it stays.
+"""A satellite that was turned by 180° is held against a push: its wheels absorb the momentum, and its attitude stays.
 
 M 8.3 with a lever d on the axis z, at which a force F acts along the inertial x axis.  The motors turn the satellite
-at least ∫ λ² dt, and feedback round this plan holds it on the way and at its end.  What the push has given,
-H = d ∫ F dt about y, is conserved: no wheel can change it.  So a satellite whose wheels stand turns for ever, at the
-rate H/J_yy; held, it comes to rest where it was, and the wheel along y, which is turned by 180° with it, keeps -H/J_w.
+with the least ∫ λ² dt, and feedback along this plan holds it on the way and at its end.  The push adds the angular
+momentum H = d ∫ F dt about y, which no wheel can change.  If the wheels were locked, the satellite would turn for ever
+at the rate H/J_yy.  Held, it comes to rest where it was, and the wheel along y, which has been turned by 180° with it,
+keeps the rate -H/J_w.
 """
 
 from __future__ import annotations

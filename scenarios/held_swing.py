@@ -1,9 +1,9 @@
-"""A swing is pumped against friction, round by round: by the plan alone it drifts off, held it comes back.
+"""A periodic plan pumps a swing against friction: without feedback the swing drifts away, with feedback it comes back.
 
-K Ex. 6 with M 8.1: a child raises and lowers itself so that a round ends as it began, and ``plan`` finds how with least
-∫ l''² dt.  Beside this motion a round maps (θ, p_θ) to first order by a matrix M, whose determinant by Liouville's
-theorem is exp(-ηT), whatever the child does.  So one multiplier may lie outside of the unit circle, and does.  With
-feedback that reads θ and p_θ all of them lie inside, and an error shrinks by the greatest of them in each round.
+K Ex. 6 with M 8.1: a child raises and lowers itself so that a period ends as it began; ``plan`` finds the motion with
+least ∫ l''² dt.  Near this motion, one period maps deviations of (θ, p_θ) by a matrix M, whose determinant is exp(-ηT)
+by Liouville's theorem, whatever the child does.  So one multiplier may lie outside the unit circle, and does.  With
+feedback of θ and p_θ all multipliers lie inside, and an error shrinks by the largest of them in each period.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""A bead runs on a hoop that sits on the shaft of a free flywheel: what it does to the one it does to the other.
+"""A bead runs on a hoop on the shaft of a free flywheel: momentum and energy of both together are constant.
 
-The hoop's port β takes the flywheel's angle, and its torque λ = dp_β/dt (M eq. 27) goes back as the flywheel's load.
-With the moment of the tangent a = R + d cos ψ and b = d² sin² ψ (ψ = ξ/R) both together have
+The hoop's port β receives the flywheel's angle, and its torque λ = dp_β/dt (M eq. 27) is returned as the flywheel's
+load.  With the moment of the tangent a = R + d cos ψ and b = d² sin² ψ (ψ = ξ/R), the momentum and energy of both
+together,
 
     p_β = m a (ξ' + a β') + (I + I_f + m b) β',    E = ½ m (ξ' + a β')² + ½ (I + I_f + m b) β'²    (M eq. 61, 62)
 
-both constant, which leaves one equation of first order for ξ: the reference.
+are constant.  This leaves one equation of first order for ξ, which is the reference.
 """
 
 from __future__ import annotations

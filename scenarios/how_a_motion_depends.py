@@ -1,8 +1,8 @@
 """A pendulum's motion depends on g t²/l alone: g ∂θ/∂g = ½ t θ', l ∂θ/∂l = -½ t θ', and on the mass not at all.
 
-K Ex. 3 let go at θ_0, far from the linear pendulum.  After n periods it is back at θ_0, whatever θ_0 is, so that there
-∂θ/∂θ_0 = 1; but it comes back later by n dT/dθ_0, so that ∂θ'/∂θ_0 = n Ω² sin θ_0 dT/dθ_0: an error of the start grows
-in proportion to the time, which is what a motion without chaos does.  dT/dθ_0 is a derivative of Legendre's K.
+K Ex. 3 released at θ_0, far from the linear pendulum.  After n periods the pendulum is back at θ_0, whatever θ_0 is, so
+∂θ/∂θ_0 = 1 there.  But the period grows with θ_0, so ∂θ'/∂θ_0 = n Ω² sin θ_0 dT/dθ_0: an error of the start value grows
+in proportion to the time, as in every motion without chaos.  dT/dθ_0 follows from the derivative of Legendre's K.
 """
 
 from __future__ import annotations

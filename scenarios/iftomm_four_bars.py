@@ -1,9 +1,9 @@
 """IFToMM benchmark A02: parallelograms in a row swing through the horizontal, where their constraints lose rank.
 
-Upright rods of 1 m and 1 kg, joined by such rods at their tops, fall over at 1 rad/s and turn for 20 s.  Whenever all
-rods lie in line, each parallelogram could as well go on as a crossed one or fold about one pivot, and the forces that
-prevent it have poles.  As parallelograms all rods turn by J θ'' = -G cos θ, like one pendulum; the equation of the
-first rod alone says what force the lying rod then has to bring up.
+Upright rods of 1 m and 1 kg, joined by equal rods at their tops, start at 1 rad/s, fall over and turn for 20 s.
+Whenever all rods are in line, each parallelogram could also continue as a crossed one or fold about one pivot, and the
+forces that prevent this have poles.  As parallelograms, all rods turn by J θ'' = -G cos θ, like one pendulum; the
+equation of the first rod alone gives the force in the horizontal rod.
 """
 
 from __future__ import annotations

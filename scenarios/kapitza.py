@@ -1,9 +1,9 @@
-"""A pendulum stands upright on a pivot that is shaken fast enough: beyond a²ν² = 2gl, where the trace falls below 2.
+"""A pendulum is stable upright if its pivot is shaken fast enough, beyond a²ν² = 2gl, where the trace falls below 2.
 
-A Sinusoid moves pivot_z of a Pendulum, z = a sin νt.  About the upright position (linear, φ = θ - π) the motion over
-one period is a matrix of determinant 1; the rest is stable while the modulus of its trace is below 2.  The matrix comes
-from the FMU, started beside the upright position, and from an integration of l φ'' = (g - a ν² sin νt) φ.  K_Y is not
-constant here, unlike in the examples of M 8.1-8.3: its mean ¼ m a²ν² sin² θ is Kapitza's potential.
+A Sinusoid moves pivot_z of a Pendulum, z = a sin νt.  Linearised about the upright position, φ = θ - π, the motion over
+one period is a matrix of determinant 1.  The equilibrium is stable while the modulus of the trace is below 2.  The
+matrix is obtained from the FMU, started near the upright position, and by integrating l φ'' = (g - a ν² sin νt) φ.  K_Y
+is not constant here, unlike in the examples of M 8.1-8.3: its mean ¼ m a²ν² sin² θ is Kapitza's potential.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def trace_of_mathieu(frequency: float) -> float:
 def lesson() -> Lesson:
     return Lesson(
         "Pendulum",
-        question="How fast must the pivot be shaken, by 10 cm, so that the pendulum stands upright on it?",
+        question="The pivot is shaken with an amplitude of 10 cm.  How fast must it be to hold the pendulum upright?",
         predict="At which angular frequency ν does it begin to stand: 6, 45 or 300 rad/s?",
-        try_out="It stands at ν = 60 rad/s.  Lower the angular frequency until it falls; Reset begins anew.",
+        try_out="It stands at ν = 60 rad/s.  Lower the angular frequency until it falls; Reset starts again.",
         answer="It stands where a²ν² > 2gl, from 44.3 rad/s on: shaking adds a potential ¼ m a²ν² sin² θ, whose well "
         "about the top is then stronger than the weight.",
         controls=["pivot_z", "theta_0"],

@@ -1,7 +1,7 @@
-"""Of all accelerations along the circle a pendulum has the one of the least constraint: Gauss's principle.
+"""Of all accelerations along its circle, a pendulum has the one of least constraint: Gauss's principle.
 
-K eq. 107.  Beside the motion of a CartesianPendulum, by an acceleration δ along its circle to either side, Gauss's
-function m/2 (a - F/m)² is larger by m δ²/2.  Scenario ``two_routes`` has the motion by Gauss's multipliers.
+K eq. 107.  If the acceleration of a CartesianPendulum is changed by ±δ along its circle, Gauss's function m/2 (a -
+F/m)² grows by m δ²/2.  Scenario ``two_routes`` has the motion by Gauss's multipliers.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The planar cat put together from bodies and joints turns as the one whose Lagrangian was written by hand.
+"""The planar cat built from bodies and joints turns like the one whose Lagrangian was written by hand.
 
-An operator swings the limbs of both; the trunk of the LinkedCat turns and falls as that of the PlanarCat, whose
-coordinates
-are those of the common centre of mass (M eq. 58).
+An operator moves the limbs of both.  The trunk of the LinkedCat turns and falls like that of the PlanarCat, whose
+coordinates are those of the common centre of mass (M eq. 58).
 """
 
 from __future__ import annotations

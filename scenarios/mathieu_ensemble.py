@@ -1,8 +1,8 @@
-"""A hundred thousand pendulums on a shaken pivot draw the map of stability that Mathieu's a_m and b_m bound.
+"""An ensemble of a hundred thousand shaken pendulums gives the stability map, which Mathieu's a_m and b_m bound.
 
-K Ex. 3, M 8.1.  With the pivot at z = (ε/2) cos 2t and l = 1 m, small swings obey θ'' + (δ - 2ε cos 2t) θ = 0, δ = g
-in m/s².  Over the period π of the pivot the motion is a matrix of determinant 1; it is bounded where |trace| < 2.  An
-ensemble of the very equations that the FMU has, two members a point of the map, gives the matrix at every point.
+K Ex. 3, M 8.1.  With the pivot at z = (ε/2) cos 2t and l = 1 m, small swings obey θ'' + (δ - 2ε cos 2t) θ = 0, δ = g in
+m/s².  Over the period π of the pivot the motion is a matrix of determinant 1; the motion is bounded where |trace| < 2.
+The ensemble integrates the equations of the FMU, and two members give the matrix at each point of the map.
 """
 
 from __future__ import annotations

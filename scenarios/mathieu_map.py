@@ -1,13 +1,13 @@
-"""A pendulum on a shaken pivot falls out of step in tongues, which Mathieu's characteristic values a_m, b_m bound.
+"""A pendulum on a shaken pivot is unstable in tongues, which Mathieu's characteristic values a_m, b_m bound.
 
 M 8.1(a), K Ex. 3.  With the pivot at z = (ε/2) cos 2t and l = 1 m small swings obey Mathieu's equation,
 
     θ'' + (δ - 2ε cos 2t) θ = 0,    δ = g in m/s²
 
-whose motion over a period T = π is a matrix of determinant 1 (Floquet): bounded while |trace| < 2, that is, between a_m
-and b_(m+1), and growing as e^(μt), cosh μT = |trace|/2, in between.  The matrix comes from two runs beside the
-equilibrium, of a Pendulum that a Sinusoid shakes: a sweep of FMUs.  Weight upwards, δ < 0, is the pendulum that stands
-on its pivot: the shaking can hold it up.
+Over a period T = π the motion is a matrix of determinant 1 (Floquet).  It is bounded while |trace| < 2, that is,
+between a_m and b_(m+1), and otherwise grows as e^(μt), cosh μT = |trace|/2.  The matrix is obtained from two runs near
+the equilibrium of a Pendulum that a Sinusoid shakes, in a sweep of FMUs.  If the weight points upwards, δ < 0, this is
+the pendulum that stands on its pivot, and shaking can make it stable.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A thermostat with inertia holds m q'² = k_B T on the average, and an extended energy for ever, even in chaos.
+"""A thermostat with inertia keeps m q'² = k_B T on average, and conserves an extended energy even in chaotic motion.
 
-K 4.2: Nosé and Hoover's friction ξ follows the temperature.  Scenario ``thermostat`` has the one that fixes the kinetic
-energy at every instant.
+K 4.2: the friction ξ of Nosé and Hoover follows the temperature.  The thermostat of scenario ``thermostat`` fixes the
+kinetic energy at every instant.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""A double pendulum stands upside down by two angles that are measured: what it does not see costs a second term.
+"""A double pendulum is held upside down by LQG from two measured angles; estimation adds a second term to the cost.
 
-Kalman's filter estimates both momenta from the angles, every 10 ms, and the feedback of least cost reads the estimates
-(LQG).  Deviations x and errors of the estimates do not mix: the multipliers of the loop are those of either, and a step
-costs tr(S W) + tr(P Kᵀ(R + BᵀSB)K), what random torques add to the cost of deviations S, and what the feedback K makes
-of errors with the covariance P.  (Åström and Wittenmark, Computer-Controlled Systems, 11.4.)
+Every 10 ms a Kalman filter estimates both momenta from the angles, and the optimal feedback reads the estimates (LQG).
+By the separation principle, the multipliers of the loop are those of the feedback and those of the filter.  The cost of
+a step is tr(S W) + tr(P Kᵀ(R + BᵀSB)K): random torques with the covariance W add the first term, where S is the cost of
+deviations; estimation errors with the covariance P add the second, through the gains K.  (Åström and Wittenmark,
+Computer-Controlled Systems, 11.4.)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""An oscillator in the plane runs through one ellipse, whether it is told in x, y or in r, φ; p_φ is constant.
+"""An oscillator in the plane moves on the same ellipse in the coordinates x, y and in r, φ; p_φ is constant.
 
-K Ex. 5, eq. 34-43.  φ is cyclic, and r obeys r'' - p_φ²/(m² r³) + Ω² r = 0: the centrifugal term is missing in the
-printed eq. 43, by which r would swing through zero.  The two FMUs share not one equation of motion.
+K Ex. 5, eq. 34-43.  φ is cyclic, and r obeys r'' - p_φ²/(m² r³) + Ω² r = 0.  The centrifugal term is missing in the
+printed eq. 43, with which r would oscillate through zero.  The two FMUs have no equation of motion in common.
 """
 
 from __future__ import annotations

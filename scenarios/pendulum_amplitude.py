@@ -1,7 +1,8 @@
-"""A pendulum keeps time only for small swings: its period grows from 2π/Ω to 4K(sin θ_0/2)/Ω.
+"""A pendulum keeps time only if its swings are small: the period grows from 2π/Ω to 4K(sin θ_0/2)/Ω.
 
-K Fig. 2: the linear and the true pendulum (Ω = 1, released at rest) at small and at large amplitude.  The FMU has to
-follow Jacobi's elliptic functions in both cases, and its period, read off the zero crossings of θ, Legendre's K.
+K Fig. 2: the linear and the nonlinear pendulum (Ω = 1, released at rest) at small and at large amplitude.  In both
+cases the FMU must follow Jacobi's elliptic functions, and its period, read off the zero crossings of θ, must agree with
+Legendre's K.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""A patch of phase space keeps its area on its way, whatever its shape; friction shrinks it as e^(-ηt): Liouville.
+"""Liouville's theorem: a moving patch of phase space keeps its area; with friction, the area shrinks as e^(-ηt).
 
-K 3.4, eq. 95-103, for the pendulum in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1.  It is shown twice: by the area of a patch
-whose rim 128 FMUs carry along, and by the determinant of the Jacobi matrix from the variational equations.
+K 3.4, eq. 95-103, for the pendulum in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1.  It is shown in two ways: by the area of a
+patch whose rim consists of 128 motions of the FMU, and by the determinant of the Jacobian from the variational
+equations.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The phase portrait of the pendulum: the FMU follows the velocity field of phase space, on closed orbits.
 
-K Ex. 8, Fig. 5 and 6, in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1; K eq. 104, 105.  Released at θ = 10 the pendulum swings
-about 4π.  Scenario ``phase_patch`` has the flow of a whole patch of phase space.
+K Ex. 8, Fig. 5 and 6, in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1; K eq. 104, 105.  Released at θ = 10, the pendulum
+oscillates about 4π.  Scenario ``phase_patch`` has the flow of a whole patch of phase space.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A cloud of pendulums winds itself up into a spiral, and its area in phase space stays the same: Liouville.
+"""Liouville's theorem: a cloud of pendulums winds up into a spiral in phase space, and its area stays the same.
 
-K 3.4, eq. 95-103, without friction; with it the area shrinks as e^(-ηt).  Far swings are slower than near ones, so the
-disc is sheared more and more.  Its area is measured twice: by the polygon that the rim has become, and by the Jacobi
-determinant of the flow at every member, from four neighbours each.
+K 3.4, eq. 95-103, without friction; with friction the area shrinks as e^(-ηt).  Large swings are slower than small
+ones, so the disc is sheared more and more.  Its area is measured in two ways: from the polygon that the rim has become,
+and from the Jacobian determinant of the flow at every member, computed from four neighbours.
 """
 
 from __future__ import annotations

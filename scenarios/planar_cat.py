@@ -1,9 +1,9 @@
-"""A falling cat without angular momentum turns by moving its limbs: by an area in the space of shapes, at any speed.
+"""A falling cat without angular momentum turns by moving its limbs; the angle is an area in the space of shapes.
 
 M 8.2.  Two FourierSeries drive the limbs of a PlanarCat three times round a circle of shapes while its centre of mass
-flies along a parabola (M eq. 59).  However long that takes, the trunk turns by the holonomy of the kinetic connection
-(M 7), -3 ∮ (J_1 dψ_1 + J_2 dψ_2)/I = -3 ∬ curvature dψ_1 dψ_2; the circle is chosen so that this is half a turn.  Run
-through backwards the loop turns the cat the other way, and a path that is retraced turns it not at all.
+flies along a parabola (M eq. 59).  However long this takes, the trunk turns by the holonomy of the kinetic connection
+(M 7), -3 ∮ (J_1 dψ_1 + J_2 dψ_2)/I = -3 ∬ curvature dψ_1 dψ_2; the circle is chosen so that this is half a turn.  If
+the loop is traversed backwards, the cat turns the other way; if a path is retraced, the cat does not turn.
 """
 
 from __future__ import annotations

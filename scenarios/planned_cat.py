@@ -1,10 +1,10 @@
-"""The falling cat that turns with least motion of its limbs: a charge in a magnetic field on the space of its shapes.
+"""The optimal turn of a falling cat: its shape moves like a charge in a magnetic field on the space of shapes.
 
-M 8.2 with M 2: at p_φ = 0 the trunk turns by -∮ (J_1 dψ_1 + J_2 dψ_2)/I, and the least ∫ ½ ψ'·Θψ' dt, Θ = g - J Jᵀ/I,
-is what Wong's equations say: ψ moves as a charge in the field F = d(J/I) on the shape space with the metric Θ.  They
-are shot here from M eq. 58, the charge being φ's momentum.  In one loop the turn costs least.  In k loops, each in a
-k-th of the time, they become Dido's circles about the place where the field B = F/√det Θ is strongest, at the cost
-k 2π |Δφ|/(T B).
+M 8.2 with M 2: at p_φ = 0 the trunk turns by -∮ (J_1 dψ_1 + J_2 dψ_2)/I.  The least ∫ ½ ψ'·Θψ' dt, Θ = g - J Jᵀ/I,
+follows from Wong's equations: ψ moves like a charge in the field F = d(J/I) on the shape space with the metric Θ.  The
+reference solves them by shooting, from M eq. 58, with the momentum of φ as the charge.  A single loop costs least.
+Many loops, k in the time T, become Dido's circles about the point where the field B = F/√det Θ is strongest, at the
+cost k 2π |Δφ|/(T B).
 """
 
 from __future__ import annotations

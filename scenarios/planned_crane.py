@@ -1,9 +1,10 @@
-"""A crane brings its load from rest to rest; for short ways as the linear theory says, beyond them by a term in D².
+"""A crane moves its load by D from rest to rest: for small D the plan is that of the linear theory, up to a term in D².
 
-M 7 with M 2: the pivot of a Pendulum is moved by D, and the load hangs still at both ends.  Least ∫ a² dt at given time
-is, linearised, D² G with G from the Gramian of controllability; the load's own non-linearity changes it by a relative
-term in (D/l)².  Least time with |a| <= A is bang-bang with three switches, whose linear instants follow from four
-equations; A being small against g, the nonlinear ones differ by a term in (A/g)².
+M 7 with M 2: the pivot of a Pendulum moves by D, and the load is at rest at both ends.  For a given duration, the least
+∫ a² dt of the linearised system is D² G, with G from the controllability Gramian; the nonlinearity of the pendulum adds
+a relative term in (D/l)².  The motion of least time with |a| <= A is bang-bang with three switches, whose instants in
+the linear theory follow from four equations; since A is small compared with g, the nonlinear ones differ by a term in
+(A/g)².
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """A turning hoop carries its bead from one end of the ellipse over the top to the other, with the least ∫ β''² dt.
 
-M 8.4 with M 2: at a constant β' = Ω the bead rests at either end of the long axis, and a top lies between, at u = π/2.
-With s² = a² sin² u + b² cos² u it moves by s² u'' = -½ (a² - b²) sin 2u (u'² + β'²) - a b β'', written by hand here:
-the extremal that reaches the other end at rest is shot back from there by Hamilton's equations.  Its costates are what
-another end would cost, dJ/d(end), which the plan has as multipliers.
+M 8.4 with M 2: at a constant β' = Ω the bead can rest at either end of the long axis; between them is an unstable
+equilibrium, at u = π/2.  With s² = a² sin² u + b² cos² u, the motion is s² u'' = -½ (a² - b²) sin 2u (u'² + β'²) - a b
+β'', derived by hand here.  The extremal that reaches the other end at rest is found by shooting backwards from there
+with Hamilton's equations.  Its costates are the derivatives of the cost with respect to the end, dJ/d(end), which the
+plan has as multipliers.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The falling cat's half turn at least cost is the loop of constant bend; a back that gives less costs more.
+"""The cheapest half turn of a falling cat is a loop of constant bend; with a limited bend of the back it costs more.
 
 M 8.2 with M 2: without twist a cat with the half axes a, b turns about a + b by ∮ A dχ, and ½ σ'·Θσ' = G χ'² + M κ'²/4
 with A = J c/D, G = I J s²/D, M = I + m d² s², D = I s² + J c², s, c = sin, cos of κ/2, I and J the inertia of a half
-across and about its axis, d its length to the joint.  dA is strongest at κ = 0, so that Dido's circle goes round there:
-at the κ of Rademaker and ter Braak, at the cost 4π² G/T.  Kane and Scher's back gives less: κ cos χ >= -β is a wall.
+across and about its axis, d its length to the joint.  dA is strongest at κ = 0, so Dido's circle goes round there, at
+the κ of Rademaker and ter Braak and the cost 4π² G/T.  Kane and Scher's back bends less: κ cos χ >= -β is a bound.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The best half swing multiplies 1 - cos θ by (l_max/l_min)³: stand up at the lowest point, crouch when it turns.
+"""The best half swing multiplies 1 - cos θ by (l_max/l_min)³: rise at the lowest point, crouch at the turning point.
 
-M 8.1 with M 2: the length of a Pendulum may be anything between l_min and l_max, and may jump, for only l enters the
-motion of (θ, p).  What is planned is the largest amplitude at the end of one half swing, with a free duration: the plan
-finds by itself that the length switches once, where the swing passes its lowest point, as every child does.  A body
-that accelerates by |l''| <= A loses a term in 1/A.  With a torso on the seat, upright, I(l) θ'' = -D(l) sin θ: p stays
-through the jump and energy on either side of it, so that the ratio is that of I D.
+M 8.1 with M 2: the length of a Pendulum lies between l_min and l_max and may jump, since only l enters the equations of
+(θ, p).  The plan maximizes the amplitude at the end of one half swing of free duration.  It finds that the length
+switches once, where the swing passes its lowest point, as every child does.  If the acceleration is bounded, |l''| <=
+A, the amplitude loses a term in 1/A.  With an upright torso on the seat, I(l) θ'' = -D(l) sin θ: p is constant through
+the jump, and the energy on either side of it, so the ratio is that of I D.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A swing is pumped by its length alone, in time with twice its own frequency: it grows at the rate ¾ ε Ω_0.
+"""A swing whose length varies at twice its own frequency is pumped: its amplitude grows at the rate ¾ ε Ω_0.
 
-The operator prescribes the length of a Pendulum (M 8.1), l = 1 + ε sin 2Ω_0 t from a Sinusoid.  The motion is that of a
-high-order integration of l θ'' = -g sin θ - 2 l' θ', the growth of small swings that of the first Mathieu tongue.
+The operator prescribes the length of a Pendulum (M 8.1), l = 1 + ε sin 2Ω_0 t from a Sinusoid.  The motion agrees with
+a high-order integration of l θ'' = -g sin θ - 2 l' θ', and the growth of small swings with the first Mathieu tongue.
 Scenario ``crouching_swing`` moves the length suddenly.
 """
 
@@ -24,11 +24,12 @@ def pumped(theta_0: float) -> Result:
 def lesson() -> Lesson:
     return Lesson(
         "Pendulum",
-        question="How often must a swing be made longer and shorter so that it swings higher and higher?",
-        predict="Once a period, twice a period, or however often one likes?",
-        try_out="It is pumped twice a period, at 6.26 rad/s.  Try 3.13 and 4.5 rad/s; then pump by hand.",
-        answer="Twice a period, longer at the ends and shorter below: it grows like exp(¾ ε Ω_0 t), with ε = 0.1 and "
-        "Ω_0 = 3.13 rad/s.  Below he pulls against weight and centrifugal force; less is lost at the ends.",
+        question="How often must a swing be lengthened and shortened so that it swings higher and higher?",
+        predict="Once per period, twice per period, or as often as you like?",
+        try_out="It is pumped twice per period, at 6.26 rad/s.  Try 3.13 and 4.5 rad/s; then pump by hand.",
+        answer="Twice per period: long at the turning points, short at the lowest point.  It grows like exp(¾ ε Ω_0 "
+        "t), with ε = 0.1 and Ω_0 = 3.13 rad/s.  Shortening it at the lowest point takes work against weight and "
+        "centrifugal force; lengthening it at the turning points gives less back.",
         controls=["length", "theta_0"],
         plots=["theta"],
         start_values={

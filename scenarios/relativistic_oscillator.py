@@ -1,8 +1,9 @@
-"""A mass on a spring close to the speed of light: its period grows with the amplitude, up to that of a light ray.
+"""The period of a mass on a spring near the speed of light grows with the amplitude, up to that of a light ray.
 
-L = -m c² √(1 - (x' + σ')²/c²) - k x²/2 is not T - V with a T quadratic in the rates, but hyper-regular (M 3): the FMU
-solves p = ∂L/∂x' for the velocity.  The period is compared with E = γ m c² + k x²/2 by quadrature; while an operator
-shakes the other end of the spring, with the motion of y = x + σ by hand, d(γ m y')/dt = -k (y - σ).
+L = -m c² √(1 - (x' + σ')²/c²) - k x²/2 is not T - V with a T quadratic in the rates, but it is hyper-regular (M 3): the
+FMU solves p = ∂L/∂x' for the velocity.  The period is compared with a quadrature of E = γ m c² + k x²/2.  While an
+operator shakes the other end of the spring, the motion is compared with that of y = x + σ, derived by hand: d(γ m
+y')/dt = -k (y - σ).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A driven oscillator answers with amplitude (K eq. 121) and phase -atan2(γω, ω_0²-ω²); it resonates iff γ < √2 ω_0.
+"""A driven oscillator has the amplitude of K eq. 121 and the phase -atan2(γω, ω_0²-ω²); it resonates iff γ < √2 ω_0.
 
-K Fig. 7: ω_0 = 1 rad/s, |F_0|/m = 1, γ = ½, 1, 2, 4, here from FMUs: a Sinusoid moves the support of an Oscillator,
-which for unit stiffness is a unit force.  The stationary motion is fitted over the last periods, when the transient
-has died.  K (122), ω_res = √(ω_0²-γ²/4), and K (123), an arctangent that jumps by π at ω_0, are misprints: the same
-FMUs refute both.
+K Fig. 7: ω_0 = 1 rad/s, |F_0|/m = 1, γ = ½, 1, 2, 4.  A Sinusoid moves the support of an Oscillator FMU, which for unit
+stiffness is a unit force.  The stationary motion is fitted over the last periods, when the transient has decayed.  K
+(122), ω_res = √(ω_0²-γ²/4), and K (123), an arctangent that jumps by π at ω_0, are misprints: the same FMUs refute
+both.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def response(damping: float, frequencies: Iterable[float]) -> NDArray:
 def lesson() -> Lesson:
     return Lesson(
         "Oscillator",
-        question="At which frequency of the drive does a damped oscillator answer with the largest amplitude?",
+        question="At which frequency of the drive does a damped oscillator respond with the largest amplitude?",
         predict="At its own frequency ω_0 = 1 rad/s, below it, or above?",
-        try_out="Move the angular frequency of the support and wait until the motion has settled; then the damping.",
-        answer="Below: at √(ω_0² - γ²/2), 0.935 rad/s for γ = 0.5; and nowhere if γ > √2 ω_0.  The amplitude follows K "
-        "eq. 121, and the phase is -90° at ω_0 itself, whatever the damping.",
+        try_out="Change the angular frequency of the support and let the motion settle; then change the damping.",
+        answer="Below it: at √(ω_0² - γ²/2), 0.935 rad/s for γ = 0.5, and at none if γ > √2 ω_0.  The amplitude "
+        "follows K eq. 121, and the phase is -90° at ω_0 itself, whatever the damping.",
         controls=["support", "damping"],
         plots=["x", "support"],
         start_values={"damping": 0.5, "support": operator("Sinusoid", angular_frequency=0.6)},

@@ -1,8 +1,8 @@
-"""A driven oscillator's amplitude over frequency and damping is the surface of K eq. 121, by a sweep of FMUs.
+"""A sweep of FMUs gives the amplitude of a driven oscillator over frequency and damping, the surface of K eq. 121.
 
-K 5.1, ω_0 = 1 rad/s, a force of 1 N.  A Sinusoid moves the support of an Oscillator of unit stiffness; each case runs
-until the transient has died and keeps the amplitude that fits the last periods.  The ridge follows the corrected
-ω_res = √(ω_0² - γ²/2) and ends where γ = √2 ω_0.
+K 5.1, ω_0 = 1 rad/s, a force of 1 N.  A Sinusoid moves the support of an Oscillator of unit stiffness.  Each case runs
+until the transient has decayed; the amplitude is fitted to the last periods.  The ridge follows the corrected ω_res =
+√(ω_0² - γ²/2) and ends where γ = √2 ω_0.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Three wheels turn a satellite at least cost as a free top would turn whose inertia is JΘJ/J_w², not about one axis.
+"""In the optimal turn by three wheels, a satellite moves like a free top with the inertia JΘJ/J_w², not about one axis.
 
-M 8.3 with M 2: without angular momentum J ω = -J_w φ', so that ½ φ'·Θφ' = ½ ω·Mω with Θ = J_w - J_w² J⁻¹ and
-M = J (J - J_w)/J_w, a metric on the group of rotations that the body sees alike in every attitude.  Its geodesics are
-the motions of Euler's free top; the one that reaches the goal is shot by Hamilton's equations for quaternions.  Where
-J is a sphere's the top turns about one axis, and the least ∫ λ² dt from rest to rest is a cubic's: 12 J'² θ²/T³.
+M 8.3 with M 2: without angular momentum J ω = -J_w φ', so that ½ φ'·Θφ' = ½ ω·Mω with Θ = J_w - J_w² J⁻¹ and M = J (J -
+J_w)/J_w.  This is a metric on the group of rotations that is constant in the body frame.  Its geodesics are the motions
+of Euler's free top; the one that reaches the goal is found by shooting with Hamilton's equations for quaternions.  If J
+is that of a sphere, the top turns about one axis, and the least ∫ λ² dt from rest to rest, by a cubic, is 12 J'² θ²/T³.
 """
 
 from __future__ import annotations

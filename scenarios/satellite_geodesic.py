@@ -1,9 +1,9 @@
-"""Two wheels turn a satellite about the axis of a third that is locked: the least motion has the length √(α (4π - α)).
+"""Two wheels turn a satellite by α about the axis of a locked third wheel: the shortest path has length √(α (4π - α)).
 
-M 8.3 with M 2, the operator chooses.  Without angular momentum J ω = -J_w φ', so that with J_xx = J_yy the wheels along
-x and y move the attitude along horizontal curves of the group of rotations, and ∫ ½ φ'·Θφ' dt over the duration T is
-½ L² (J/J_w)² Θ/T with L the sub-Riemannian length.  Half a turn takes √3 π instead of the 2π of two quarter turns about
-x, to and fro, with half a turn about y between them.  ``plan`` has the equations alone, and FMUs perform what it finds.
+M 8.3 with M 2.  Without angular momentum J ω = -J_w φ', so with J_xx = J_yy the wheels along x and y move the attitude
+along horizontal curves of the group of rotations, and ∫ ½ φ'·Θφ' dt over the duration T is ½ L² (J/J_w)² Θ/T with the
+sub-Riemannian length L.  Half a turn has the length √3 π, instead of 2π for two opposite quarter turns about x with
+half a turn about y between them.  ``plan`` uses only the equations, and FMUs replay the motion that it finds.
 """
 
 from __future__ import annotations

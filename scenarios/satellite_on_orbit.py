@@ -1,9 +1,10 @@
-"""A satellite on its orbit keeps an eye on the planet by one wheel, and looks aside by the two others.
+"""One wheel keeps the camera of an orbiting satellite on the planet; the two others point it aside.
 
-Without angular momentum the wheels alone turn the satellite: J ω + J_w Σ a_k φ_k' = 0 in every instant (M 8.3), so
-ω = -J⁻¹ J_w φ' whatever the operators do.  On a circular orbit of radius R, Kepler's third law gives the rate
-n = √(μ/R³); a wheel across the orbit run at -n J_zz/J_w turns the satellite with the planet's direction.  A SmoothStep
-leaves each of the others at its new angle, so that the satellite goes on turning with its camera off the planet.
+Without angular momentum the wheels alone turn the satellite: J ω + J_w Σ a_k φ_k' = 0 at every instant (M 8.3), so ω =
+-J⁻¹ J_w φ' whatever the operators do.  On a circular orbit of radius R, Kepler's third law gives the rate n = √(μ/R³).
+A wheel whose axis is normal to the orbit, run at -n J_zz/J_w, turns the satellite with the direction of the planet.  A
+SmoothStep moves each of the other wheels to a new angle; the satellite then goes on turning with its camera off the
+planet.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Wheels turned from rest turn a satellite by -J⁻¹ J_w Δφ, at any pace; in another order they turn it elsewhere.
+"""Wheels that start from rest turn a satellite by -J⁻¹ J_w Δφ, at any speed; the result depends on their order.
 
-M 8.3, without angular momentum.  One wheel, for any inertia tensor: the attitude depends on the angle of the wheel
-alone, be it run up smoothly, in half the time, or jerked.  Two wheels: the attitude is the product of two rotations,
-which do not commute.  The motor's torque is λ = J_w (φ'' + a·ω').
+M 8.3, without angular momentum.  With one wheel and any inertia tensor, the attitude depends only on the angle of the
+wheel, whether it turns smoothly, in half the time, or with jerks.  With two wheels the attitude is the product of two
+rotations, which do not commute.  The motor's torque is λ = J_w (φ'' + a·ω').
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A SCARA robot's mass matrix is that of the textbook: what a unit of acceleration costs depends on the elbow alone.
+"""A SCARA robot has the mass matrix of the textbook, which depends only on the angle of the elbow.
 
-Each axis of the Scara in turn is accelerated by a torque from rest: the accelerations are columns of the inverse of the
-mass matrix of Spong, Hutchinson and Vidyasagar.
+Each axis of the Scara in turn is accelerated from rest by a unit of force or torque: the accelerations are columns of
+the inverse of the mass matrix of Spong, Hutchinson and Vidyasagar.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Where the potential is homogeneous of degree h, motions of size λ take λ^(1-h/2) times as long, and 2T̄ = h V̄.
+"""If the potential is homogeneous of degree h, motions λ times as large take λ^(1-h/2) times as long, and 2T̄ = h V̄.
 
-K 2.5 and 2.7.  The degree comes from the Lagrangian: h = 2 for an oscillator in the plane, whose period does not know
-its amplitude; h = 1 for free fall, whose duration goes as the root of the height; h = -1 for a planet, Kepler's third
-law.  Each FMU is started twice, lengths by λ and speeds by λ^(h/2) larger the second time: it has to run through the
-same path, λ times as large, in its own time.  The virial theorem holds for any time τ, if p·r is kept at the ends.
+K 2.5 and 2.7.  The degree is computed from the Lagrangian: h = 2 for an oscillator in the plane, whose period does not
+depend on its amplitude; h = 1 for free fall, whose duration is proportional to the root of the height; h = -1 for a
+planet, with Kepler's third law.  Each FMU is started twice, the second time with lengths larger by λ and speeds larger
+by λ^(h/2).  It must then follow the same path, λ times as large, in the scaled time.  The virial theorem holds for any
+time τ if p·r at the ends is included.
 """
 
 from __future__ import annotations

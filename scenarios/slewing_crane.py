@@ -1,7 +1,8 @@
-"""A crane slews at a constant rate: its load hangs outwards by tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g.
+"""If a crane slews at a constant rate, its load hangs outwards by tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g.
 
-The operator turns the tower of a SlewingCrane, not the trolley.  From the angle of Euler's equations on the
-load stays there; its rope hangs a little steeper than that of a point mass, by its moments of inertia.
+The operator turns the tower of a SlewingCrane; the trolley is at rest.  Started at the angle that follows from Euler's
+equations, the load stays there.  Because of its moments of inertia, its rope is a little steeper than that of a point
+mass.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A falling cat without angular momentum turns itself over by going round with its bend: Φ = 2π J c/(I s² + J c²).
+"""A falling cat without angular momentum turns over if its bend goes round once: Φ = 2π J c/(I s² + J c²).
 
-M 8.2.  Rademaker and ter Braak: bent by κ, the direction of the bend once round, no twist; c, s = cos, sin of κ/2.
-I and J are the moments of inertia of a half across and about its axis; with I = 5 J half a turn takes κ = 52.8°.  The
-motion keeps a + b, between the axes of the halves, fixed in space.  Scenario ``cone_cat`` has the motion of Kane and
-Scher.
+M 8.2, the motion of Rademaker and ter Braak: the cat is bent by κ, the direction of the bend goes round once, and there
+is no twist; c, s = cos, sin of κ/2.  I and J are the moments of inertia of a half across and about its axis; with I = 5
+J half a turn needs κ = 52.8°.  The bisector a + b of the axes of both halves is fixed in space.  Scenario ``cone_cat``
+has the motion of Kane and Scher.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The action is stationary on a motion, but least only up to the first conjugate point, T < π/ω.
+"""The action is stationary along a motion, but a minimum only up to the first conjugate point, T < π/ω.
 
-K 3.1, Fig. 4: eq. 76 says "Min".  The oscillator's action in a path x + ε sin(nπt/T) about an FMU's motion x is
-S + ½ ε² (m T/2) ((nπ/T)² - ω²), which falls with ε for n < ωT/π.  The other way round the principle finds the motion:
-Newton's method on S alone, given the two ends, meets the FMU; for ωT = kπ it finds none, or too many.
+K 3.1, Fig. 4: eq. 76 says "Min".  The oscillator's action in a path x + ε sin(nπt/T) about an FMU's motion x is S + ½
+ε² (m T/2) ((nπ/T)² - ω²), which falls with ε for n < ωT/π.  Conversely, the principle finds the motion: Newton's method
+on S alone, with both ends given, agrees with the FMU; for ωT = kπ there is no solution, or there are many.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""A bob thrown up on a string leaves its circle at the height (v² - 2gl)/3g, flies, and is caught with a tug.
+"""A bob swung up on a string leaves its circle at the height (v² - 2gl)/3g, flies freely, and is caught with a tug.
 
-v is its speed at the lowest point, 2gl < v² < 5gl.  From the angle ψ above the horizontal it flies for 4 u cos ψ/g,
-u² = gl sin ψ, and meets the circle at -3ψ, where an inelastic string takes the radial part of its velocity.
+v is the speed at the lowest point, 2gl < v² < 5gl.  From the angle ψ above the horizontal the bob flies for the time 4
+u cos ψ/g, u² = gl sin ψ, and meets the circle at -3ψ, where an inelastic string removes the radial part of its
+velocity.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""A thermostat that fixes the kinetic energy holds m v² = 3 k_B T at every instant, in the plane between two circles.
+"""A thermostat that fixes the kinetic energy keeps m v² = 3 k_B T at every instant, in a plane between two circles.
 
-K Ex. 10: Gauss's principle, friction μ = -K r·r'/m v²; the motion stays in a plane and between two circles that
-Lambert's W gives, L exp(-V/3 k_B T) is constant.  Scenario ``nose_hoover`` has the thermostat that does it on average.
+K Ex. 10: by Gauss's principle the friction is μ = -K r·r'/m v².  The motion stays in a plane and between two circles,
+whose radii follow from Lambert's W, and L exp(-V/3 k_B T) is constant.  The thermostat of scenario ``nose_hoover``
+works on average.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Leaning back and forth turns a swing though p_θ stays: a quick lean ψ_1 → ψ_2 shifts the rope by -∫ (J/I) dψ.
+"""Leaning turns a swing although p_θ is constant: a quick lean ψ_1 → ψ_2 turns the rope by -∫ (J/I) dψ.
 
-M 8.1 with two masses, where the posture couples to the swing, J ≠ 0.  A lean within τ moves θ by its horizontal lift,
-up to what gravity does meanwhile, of second order in τ.  Leaning with the swing's own frequency then pumps it: the FMU
-against an integration of p_θ' = -D sin θ_com, I θ' = p_θ - J ψ' (M eq. 54-56).
+M 8.1 with two masses, where the posture is coupled to the swing, J ≠ 0.  A lean in the time τ changes θ by its
+horizontal lift, up to the effect of gravity, which is of second order in τ.  Leaning at the swing's own frequency then
+pumps it; the FMU is compared with an integration of p_θ' = -D sin θ_com, I θ' = p_θ - J ψ' (M eq. 54-56).
 """
 
 from __future__ import annotations

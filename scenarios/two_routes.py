@@ -1,8 +1,8 @@
-"""A pendulum by d'Alembert's principle and by Gauss's moves as by its angle; Gauss's μ_1 is -2 λ_1, the tension / l.
+"""By the principles of d'Alembert and Gauss, a pendulum moves as by its angle; Gauss's μ_1 = -2 λ_1 is the tension / l.
 
-K Ex. 1 and Ex. 9 in Cartesian coordinates, K Ex. 3 in θ.  CartesianPendulum upholds its constraints in positions; the
-GaussPendulum of this file knows them as conditions on the velocity alone, K eq. 110, whose derivatives are the text's
-own g_1 and g_2.  K prints half of this μ_1; the closed form by elliptic functions refutes that.
+K Ex. 1 and Ex. 9 in Cartesian coordinates, K Ex. 3 in θ.  CartesianPendulum enforces its constraints on positions; the
+GaussPendulum of this file has them only as constraints on velocities, K eq. 110, whose derivatives are g_1 and g_2 of
+the text.  K prints half of this μ_1, which the closed form by elliptic functions refutes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""A skate on a slope: least action among the paths that its edge allows is another motion than d'Alembert's.
+"""For a skate on a slope, the path of least action among those that its edge allows is not d'Alembert's motion.
 
-M 1 and 3.2: paths k that keep a liaison that is not holonomic have variations with C δk ≠ 0.  Hölder asks ⟨δI, w⟩ = 0
-for C w = 0: the FMU's motion.  Least action asks ⟨δI, δk⟩ = 0, the vakonomic equations: Hamilton's, with the largest
-p·v - L, H = (p_x cos φ + p_y sin φ)²/2m + p_φ²/2I - m g x.  It is shot from end to end of the FMU's own path.
+M 1 and 3.2: paths k that satisfy a non-holonomic constraint have variations with C δk ≠ 0.  Hölder's principle requires
+⟨δI, w⟩ = 0 for C w = 0, which is the FMU's motion.  Least action requires ⟨δI, δk⟩ = 0.  This gives the vakonomic
+equations, Hamilton's equations with the maximum of p·v - L, H = (p_x cos φ + p_y sin φ)²/2m + p_φ²/2I - m g x, solved
+here by shooting between the ends of the FMU's path.
 """
 
 from __future__ import annotations

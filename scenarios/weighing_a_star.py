@@ -1,9 +1,9 @@
-"""A planet's orbit weighs its star and not the planet: μ = 4π² a³/T² is as good as the places it was seen at.
+"""The orbit of a planet determines the mass of its star but not its own: μ = 4π² a³/T², identified from positions.
 
 K 2.5.  x and y are measured with noise at 60 instants of two revolutions; μ and the four start values are unknown.  The
-fit has to end where least squares over Kepler's equation ends, with its standard errors; a and T of the fitted orbit
-are those of the third law.  The planet's mass is a factor of the Lagrangian: asked for, it is said to show in nothing.
-From a third of a revolution on, what is known of μ grows with the time as the closed form promises.
+fit must agree with least squares over Kepler's equation, including standard errors; a and T of the fitted orbit satisfy
+the third law.  The planet's mass is a factor of the Lagrangian, and the fit reports that it is not determined.  From a
+third of a revolution on, the information on μ grows with time as the closed form predicts.
 """
 
 from __future__ import annotations
