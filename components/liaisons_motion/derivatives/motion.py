@@ -218,8 +218,10 @@ class SteppedMotion(ABC):
 
     def _refuse_states(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
         """Raise a SimulationError for the first state that is not finite, or violates a condition of the mechanism."""
-        lost = ~np.isfinite(states).all(axis=1)
-        texts = self.functions.condition_texts
+        texts, finite = self.functions.condition_texts, np.isfinite(states)
+        if not texts and finite.all():
+            return
+        lost = ~finite.all(axis=1)
         (conditions,) = self.functions.conditions.evaluate([t[None], k[:, None], s.T, states.T])
         broken = conditions <= 0
         failed = np.flatnonzero(lost | broken.any(axis=0))
@@ -275,7 +277,8 @@ class SteppedMotion(ABC):
         times = np.concatenate([instants, regular])
         numbers, records = np.arange(len(times)), np.full(len(times), -1)
         is_event = (numbers > 0) & (numbers < len(instants))
-        records[len(instants) + np.searchsorted(regular, later)] = np.flatnonzero(self.times > start)
+        places = np.searchsorted(regular, later) if breaks.size else slice(None)
+        records[len(instants) :][places] = np.flatnonzero(self.times > start)
         order = np.lexsort((~is_event, times))
         slopes = np.concatenate([slopes, np.zeros((len(regular), len(k)))])[order]
         times, is_event, records = times[order], is_event[order], records[order]

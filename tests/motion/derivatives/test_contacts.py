@@ -167,9 +167,9 @@ def test_what_a_table_does_not_touch_when_it_jumps() -> None:
     """It jumps from under the ball, which falls: h = -g (t - 1)²/2."""
     down = PPoly(np.array([[0.0, -0.5]]), [0, 1.0, 2.0])
     s = sensitivities(
-        "BouncingBall", "gravity", times=[0.9, 1.2], record="height", inputs={"table": down}, height_0=0.0
+        "BouncingBall", "gravity", times=[0.5, 0.9, 1.2], record="height", inputs={"table": down}, height_0=0.0
     )
-    np.testing.assert_allclose(s.derivative("height", "gravity"), [0, -0.02], rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(s.derivative("height", "gravity"), [0, 0, -0.02], rtol=1e-11, atol=1e-13)
     up = PPoly(np.array([[0.0, 0.5]]), [0, 1.0, 2.0])
     with pytest.raises(SimulationError, match=r"gap = -0\.5 at t = 1: bodies overlap"):
         sensitivities("BouncingBall", "gravity", times=[1.2], record="height", inputs={"table": up}, height_0=0.0)
