@@ -28,7 +28,8 @@ _CALLED = (  # by fmu.js; what none of them needs, as the saving of states, is n
     *("fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Reset", "fmi2DoStep"),
     *("fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2SetReal", "fmi2SetInteger", "malloc", "free"),
 )
-_FLAGS = ("-flto", *(f"-Wl,--export={name}" for name in _CALLED))
+_FORMATTED = ("-Dsnprintf=page_snprintf", "-Dvsnprintf=page_vsnprintf")  # by page.c
+_FLAGS = ("-flto", *_FORMATTED, *(f"-Wl,--export={name}" for name in _CALLED))
 _MOST_READ = 400  # elements of arrays read in each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
 _FRAMES = 60  # a second

@@ -25,11 +25,11 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
     :param plan: data for the script.
     """
     folder = files("liaisons_pages.pictures") / "web"
-    style = (folder / "page.css").read_text(encoding="utf-8")
     floor = {"thickness": THICKNESS, "teeth": TEETH}
     shared = {"sizes": SIZES, "coils": COILS, "facing": FACING, "light": LIGHT, "floor": floor, "flash": FLASH}
     constants = f"const DRAWING = {json.dumps(shared)};"
-    unpack, *sources = [_as_script((folder / name).read_text(encoding="utf-8")) for name in ("unpack.js", *modules)]
+    named = ("page.css", "unpack.js", *modules)
+    style, unpack, *sources = [_inlined((folder / name).read_text(encoding="utf-8")) for name in named]
     script = "\n".join([constants, *sources])
     policy = (
         f"default-src 'none'; script-src '{_policy_hash(unpack)}' '{_policy_hash(script)}' 'wasm-unsafe-eval'; "
@@ -49,12 +49,12 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
     return re.sub(r"\{(\w+)\}", lambda match: contents[match[1]], text).encode()
 
 
-def _as_script(module: str) -> str:
+def _inlined(text: str) -> str:
     """Text of a JavaScript module as a script, without imports and exports, since a file:// page loads no modules.
 
-    Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.
+    Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript or CSS.
     """
-    return re.sub(r"^(import [^;]*;\n|export | *//.*\n| */\*(?s:.*?)\*/\n| +)", "", module, flags=re.MULTILINE)
+    return re.sub(r"^(import [^;]*;\n|export | *//.*\n| */\*(?s:.*?)\*/\n| +)", "", text, flags=re.MULTILINE)
 
 
 def _policy_hash(text: str) -> str:

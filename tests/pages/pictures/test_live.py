@@ -368,7 +368,7 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
         live.run(400)
         refused = live.time
         assert refused < 2
-        assert re.search("^length.* (refused|Reset)", live.text("#said"))
+        assert re.search(r"^length = -?[\d.e-]+ at t = 0\.[\d]+: it must be .* (refused|Reset)", live.text("#said"))
         live.page.click("#run")
         live.wait_until(lambda: live.time > refused + 0.1)
         assert live.text("#said") == ""

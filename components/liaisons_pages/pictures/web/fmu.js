@@ -23,12 +23,14 @@ export class Fmu {
     this.said = "";
     const nothing = () => 8; // EBADF: a page has no files
     const wasi = new Proxy({}, { get: () => nothing });
-    const page = { say: (status, text) => { if (status > OK) this.said = this.#text(text); } };
+    const page = {
+      say: (status, text) => { if (status > OK) this.said = this.#text(text); },
+      number: (value, digits, place) => this.#write(place, String(Number(value.toPrecision(digits)))),
+    };
     this.c = new WebAssembly.Instance(module, { wasi_snapshot_preview1: wasi, page }).exports;
     this.c._initialize();
-    const text = new TextEncoder().encode(`${guid}\0`);
-    const place = this.c.malloc(text.length);
-    new Uint8Array(this.c.memory.buffer, place, text.length).set(text);
+    const place = this.c.malloc(guid.length + 1);
+    this.#write(place, guid);
     this.instance = this.c.page_instantiate(place);
     this.c.free(place);
     if (!this.instance) throw new Refusal(this.said || "the FMU cannot be instantiated", false);
@@ -84,6 +86,12 @@ export class Fmu {
 
   #check(status) {
     if (status > WARNING) throw new Refusal(this.said || "refused", status === DISCARD);
+  }
+
+  /** Text in ASCII to the module's memory, and a 0 after it. */
+  #write(place, text) {
+    const bytes = new TextEncoder().encode(`${text}\0`);
+    new Uint8Array(this.c.memory.buffer, place, bytes.length).set(bytes);
   }
 
   #text(place) {
