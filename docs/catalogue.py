@@ -14,10 +14,9 @@ from zipfile import ZipFile
 
 from sphinx.application import Sphinx
 
-from liaisons import fmu_path
-from liaisons.base.project import load_module
+import texts
 from liaisons.language import Operator
-from liaisons.library import catalogue
+from liaisons.library import catalogue, fmu_file
 
 _STYLE = ".frame { fill: none } polyline { fill: none; stroke-width: 6 } text { display: none }"
 FENCE = "`" * 8
@@ -74,10 +73,10 @@ def write_component(name: str, pages: Path, shown: Path, alive: Collection[str])
     """
     component = catalogue()[name]
     is_operator = issubclass(component, Operator)
-    with ZipFile(fmu_path(name)) as archive:
+    with ZipFile(fmu_file(name)) as archive:
         page = archive.read("documentation/index.html").decode()
         icon = archive.read("terminalsAndIcons/icon.svg").decode()
-    numbers = load_module(Path(__file__).with_name("texts.py")).links(name)
+    numbers = texts.links(name)
     text = page_of_the_site(name, component.summary(), page, live=name in alive, numbers=numbers)
     (pages / f"{name}.md").write_text(text, encoding="utf-8")
     drawn = re.search(r'<svg class="figure"(.*?</svg>)', page, re.DOTALL)

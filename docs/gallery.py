@@ -25,12 +25,12 @@ from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 from sphinx.util.display import status_iterator
 
-from liaisons import Result, fmu_path, show
-from liaisons.base.project import load_module
+import texts
+from liaisons import Result, show
 from liaisons.cosim import system
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, suggestion
 from liaisons.language import Operator
-from liaisons.library import catalogue
+from liaisons.library import catalogue, fmu_file
 from liaisons.scenario_files import read_gallery, scenario_files
 from liaisons_pages.pictures import motion_page
 from liaisons_tools.scenarios import execute, lessons, load, load_lesson
@@ -65,16 +65,16 @@ def write_gallery(app: Sphinx) -> None:
     :raises ExtensionError: if a scenario fails, or one is asked for that there is not.
     """
     pages, shown = Path(app.srcdir) / "gallery", Path(app.outdir) / "gallery"
-    names = app.config.scenarios.split(",") if app.config.scenarios else list(scenario_files())
+    files = scenario_files()
+    names = app.config.scenarios.split(",") if app.config.scenarios else list(files)
     taught = Path(app.srcdir) / "lessons"
     for folder in (pages, shown / "live", taught, Path(app.outdir) / "lessons"):
         folder.mkdir(parents=True, exist_ok=True)
     for page in (*pages.glob("*.md"), *taught.glob("*.md")):
         page.unlink()
-    try:
-        live = sorted({mechanism for name in names for mechanism in mechanisms(load(name).path)})
-    except LiaisonsError as error:
-        raise ExtensionError(str(error)) from None
+    if unknown := [name for name in names if name not in files]:
+        raise ExtensionError(f"no scenario is called {unknown[0]!r}{suggestion(unknown[0], files)}")
+    live = sorted({mechanism for name in names for mechanism in mechanisms(files[name])})
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
         runs = [pool.submit(write_page, name, names, pages, shown) for name in names]
         tasks = [*runs, *(pool.submit(write_live, name, shown / "live") for name in live)]
@@ -158,7 +158,7 @@ def write_lesson(name: str, verdicts: str, pages: Path, shown: Path) -> None:
     """
     taught = load_lesson(name)
     taught.show(shown / f"{name}.live.html")
-    with ZipFile(fmu_path(taught.subject)) as archive:
+    with ZipFile(fmu_file(taught.subject)) as archive:
         page = archive.read("documentation/index.html").decode()
     equations = re.findall(r"<div class=equations>.*?</div>", page, re.DOTALL)
     text = [
@@ -225,7 +225,7 @@ def lesson_index(names: list[str]) -> str:
 
 
 def _card(entry: Entry) -> str:
-    tags = "".join(f"<i>{name}</i>" for name in mechanisms(load(entry.name).path))
+    tags = "".join(f"<i>{name}</i>" for name in mechanisms(scenario_files()[entry.name]))
     return (
         f'<a href="{entry.name}.html"><img src="{entry.name}.png" alt="" loading="lazy">'
         f"<b>{_title(entry.name)}</b> {escape(entry.claim)} {tags}</a>"
@@ -243,7 +243,7 @@ def _links(what: str, names: list[str]) -> str:
 
 def _of_the_texts(name: str) -> str:
     """What a scenario verifies of both texts."""
-    links = load_module(Path(__file__).parent / "texts.py").links(name)
+    links = texts.links(name)
     return f"<p>Verifies {links}.</p>" if links else ""
 
 

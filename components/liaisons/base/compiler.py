@@ -139,7 +139,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
 
 
 def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
-    """Compile and link C sources to a WebAssembly module with the exported functions.
+    """Compile and link C sources to a WebAssembly module with the exported functions, or take it from the cache.
 
     :param flags: for the compiler, beside those for small code.
     :returns: the module; the same bytes for the same sources and compiler.
@@ -148,7 +148,12 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     if (zig := zig_compiler()) is None:
         raise BuildError(no_compiler_message(" for WebAssembly"))
     command = [*zig, *WASM_FLAGS, *flags]
-    return _compile_and_link(command, command, sources, "module.wasm")
+    made_from = repr((command, _compiler_identity(command), sorted(sources.items())))
+    key = hashlib.sha256(made_from.encode()).hexdigest()
+    if (module := cache.read_entry(key)) is None:
+        module = _compile_and_link(command, command, sources, "module.wasm")
+        cache.write_entry(key, module)
+    return module
 
 
 def _compile_and_link(

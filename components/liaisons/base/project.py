@@ -54,8 +54,8 @@ def load_module(path: Path) -> ModuleType:
 def _look_beside(folder: Path) -> None:
     """Let imports look into a folder, last; a module of the same name from beside another file is forgotten."""
     for name, module in list(sys.modules.items()):
-        beside = Path(getattr(module, "__file__", None) or "").parent
-        if str(beside) in _beside and beside != folder and (folder / f"{name}.py").is_file():
+        beside = (getattr(module, "__file__", None) or "").rpartition(os.sep)[0]
+        if beside in _beside and beside != str(folder) and (folder / f"{name}.py").is_file():
             del sys.modules[name]
     if str(folder) not in {*sys.path} - {*_beside}:
         _beside[:] = [str(folder), *(other for other in _beside if other != str(folder))]

@@ -27,9 +27,7 @@ def note_unchanged(fmu: Path) -> None:
 
 
 def _key(fmu: Path) -> str:
-    return sha256(
-        f"{fmu.resolve()} {_state(fmu)} {_sources()} {[*map(os.environ.get, _VARIABLES)]}".encode()
-    ).hexdigest()
+    return sha256(f"{_state(fmu.resolve())} {_sources()} {[*map(os.environ.get, _VARIABLES)]}".encode()).hexdigest()
 
 
 def _state(path: Path) -> tuple[str, int, int, int]:

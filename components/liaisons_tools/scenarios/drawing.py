@@ -89,10 +89,8 @@ def save(path: Path) -> None:
         widths = [0.5 + 0.07 * len(label) for label in labels]
         columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
         axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
-    with replacement_path(path) as whole:
-        figure.savefig(
-            whole, format=path.suffix[1:], dpi=150, bbox_inches="tight"
-        )  # with legends below axes of equal aspect
+    _lay_out(figure)
+    _write(figure, path, figure.get_tightbbox().padded(0.1))  # with legends below axes of equal aspect
 
 
 def save_panel(path: Path, number: int) -> None:
@@ -111,7 +109,22 @@ def save_panel(path: Path, number: int) -> None:
             legend.remove()
     figure.legends.clear()
     figure.set_size_inches(_SMALL * width, _SMALL * height)
-    figure.draw_without_rendering()
+    _lay_out(figure)
     box = panel.get_tightbbox().transformed(figure.dpi_scale_trans.inverted())
+    _write(figure, path, box.padded(0.05))
+
+
+def _lay_out(figure: Any) -> None:
+    """Give the panels their places."""
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+
+
+def _write(figure: Any, path: Path, box: Any) -> None:
+    """Write what lies in a box [in] of a figure that is laid out: Matplotlib would draw it once more for that."""
+    engine = figure.get_layout_engine()
+    figure.set_layout_engine("none")
     with replacement_path(path) as whole:
-        figure.savefig(whole, format=path.suffix[1:], dpi=150, bbox_inches=box.padded(0.05))
+        figure.savefig(whole, format=path.suffix[1:], dpi=150, bbox_inches=box)
+    if engine:
+        figure.set_layout_engine(engine)

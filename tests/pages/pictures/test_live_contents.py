@@ -26,6 +26,8 @@ in_a_browser = pytest.mark.skipif(
 needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is missing")
 SHAKEN = operator("Sinusoid", amplitude=0.1, angular_frequency=60.0)
 SCREENS = ((1280, 800), (400, 800))
+SWING = 90_000
+"""Bytes of the page of the pendulum, which the site begins with."""
 Page = Callable[..., Path]
 
 
@@ -67,6 +69,23 @@ def test_what_is_not_on_the_page_is_refused_with_the_nearest_name(
 ) -> None:
     with pytest.raises(SimulationError, match=f"^{words}$"):
         page("Pendulum", **contents)
+
+
+@needs_zig
+def test_the_page_of_the_pendulum_is_small(page: Page) -> None:
+    assert page("Pendulum").stat().st_size <= SWING
+
+
+@needs_zig
+def test_the_same_sources_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    stored, made = dict[str, bytes](), iter((b"first", b"for speed", b"second"))
+    monkeypatch.setattr(compiler.cache, "read_entry", stored.get)
+    monkeypatch.setattr(compiler.cache, "write_entry", stored.__setitem__)
+    monkeypatch.setattr(compiler, "_compile_and_link", lambda *_: next(made))
+    first, second = ({"page.c": f"int answer(void) {{ return {i}; }}\n".encode()} for i in (1, 2))
+    assert compiler.compile_wasm(first) == compiler.compile_wasm(first) == b"first"
+    assert compiler.compile_wasm(first, "-O1") == b"for speed"
+    assert compiler.compile_wasm(second) == b"second"
 
 
 @needs_zig
