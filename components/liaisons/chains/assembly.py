@@ -28,7 +28,6 @@ from liaisons.language import Variable
 from liaisons.mechanics import (
     MEMORY,
     SIGNATURES,
-    Contact,
     Model,
     contact_functions,
     contact_outputs,
@@ -55,62 +54,34 @@ def chain_model(component: type[Chain], n: int) -> Model:
     m = component(n)
     layout = m.layout()
     symbols = {v.name: m.symbols.get(v.name, ca.SX.sym(v.name)) for v in (*layout.parameters, *layout.inputs)}
-    link = link_of(m, symbols)
-
-    # The vectors of Model, with one symbol for a number, or for the numbers of all links.
-    t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
-    y = ca.vertcat(link.q, link.p, work, dissipated)
-    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
-
-    contacts = contacts_of(m)
-    base = _base(m)
+    link, base = link_of(m, symbols), _base(m)
+    vectors, shapes = _vectors(m, link, symbols), _shapes(m, link)
     moving = link_motion(link, base)
     more, numbers = link_contact_numbers(m, link, base, moving)
     steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), more[0], *moving.steps, *more[1:]]
     energy = moving.kinetic_energy + moving.potential_energy
     to_start, initial, energy_at_start = _start_steps(link, base, symbols, steps, energy)
     to_sizes, nominals = _nominal_states(component, link)
-
-    forces = base.slope.T @ moving.base_force  # λ of the operator (M eq. 27)
-    rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
-    read = _outputs(m, link, moving, forces, rates)
-    read |= contact_outputs(m, numbers["gap"].entries, numbers["v"].entries)
-    memory = ca.SX.sym("m", len(memory_names(layout)))
-    vectors = {"t": t, "y": y, "u": u, "k": k, "m": memory}
-    if contacts:
-        vectors["x"] = m.contact_forces
+    rates, outputs = _rates_and_outputs(m, link, base, moving, numbers)
     results = with_energy_accounting(
         vectors,
         layout,
-        initial=ca.vertcat(initial, 0, 0),
+        initial=initial,
         rates=rates,
         energy=energy,
-        outputs=[read.get(v.name, ca.SX(0)) for v in layout.outputs],  # 0: the energy balance, filled in there
+        outputs=outputs,
         nominals=nominals,
         energy_at_start=energy_at_start,
     )
-    shapes = {
-        "t": (False,),
-        "y": (True,) * (2 * link.q.shape[0]) + (False, False),
-        "u": _is_per_link(layout.inputs),
-        "k": _is_per_link(layout.parameters),
-        "m": (False,) * len(MEMORY) + _is_per_link(v for v in layout.outputs if v.variability == "discrete"),
-        "z": _is_per_link(layout.outputs),
-        "x": tuple(not item.last for item in m.contact_formulas),
-    }
     drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
     rows = {letter: Vector(x, shapes[letter]) for letter, x in vectors.items()}
     drawing, draw = chain_picture(m, drawable, {letter: rows[letter] for letter in "tyuk"})
     steps += [*to_start, *to_sizes]
     programs = _row_programs(rows, results, steps, shapes, n)
-    if contacts:
-        columns = {name: row_program(name, n, [*rows.values()], steps, [column]) for name, column in numbers.items()}
-        functions: dict[str, Any] = _unrolled_functions(m, contacts, rows, programs, columns)
-    else:
-        functions = {**_loop_functions(programs), "memory": memory_names(layout)}
+    columns = {name: row_program(name, n, [*rows.values()], steps, [column]) for name, column in numbers.items()}
     return Model(
         **declared_fields(m),
-        **functions,
+        **(_unrolled_functions(m, rows, programs, columns) if contacts_of(m) else _loop_functions(m, programs)),
         equations=of_chain(m),
         picture=drawing.document,
         drawn=drawing.variables,
@@ -118,20 +89,53 @@ def chain_model(component: type[Chain], n: int) -> Model:
     )
 
 
-def _loop_functions(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
+def _vectors(m: Chain, link: ChainLink, symbols: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """Vectors of the model's functions by letter, with one symbol for a number, or for the numbers of all links."""
+    layout = m.layout()
+    y = ca.vertcat(link.q, link.p, ca.SX.sym("work"), ca.SX.sym("dissipated"))
+    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
+    vectors = {"t": ca.SX.sym("t"), "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory_names(layout)))}
+    return vectors | ({"x": m.contact_forces} if contacts_of(m) else {})
+
+
+def _shapes(m: Chain, link: ChainLink) -> dict[str, tuple[bool, ...]]:
+    """Whether each number of the vectors is one a link, by the letter of the vector."""
+    layout = m.layout()
+    discrete = (v for v in layout.outputs if v.variability == "discrete")
+    return {
+        "t": (False,),
+        "y": (True,) * (2 * link.q.shape[0]) + (False, False),
+        "u": _is_per_link(layout.inputs),
+        "k": _is_per_link(layout.parameters),
+        "m": (False,) * len(MEMORY) + _is_per_link(discrete),
+        "z": _is_per_link(layout.outputs),
+        "x": tuple(not item.last for item in m.contact_formulas),
+    }
+
+
+def _rates_and_outputs(
+    m: Chain, link: ChainLink, base: Base, moving: LinkMotion, numbers: Mapping[str, Vector]
+) -> tuple[ca.SX, list[ca.SX]]:
+    """Rates of the states, and outputs in their order, with 0 for the energy balance."""
+    forces = base.slope.T @ moving.base_force  # λ of the operator (M eq. 27)
+    power = ca.dot(forces, m.s_dot) + moving.power
+    rates = ca.vertcat(moving.rates, moving.momentum_rates, power, moving.dissipation)
+    read = _outputs(m, link, moving, forces, rates)
+    read |= contact_outputs(m, numbers["gap"].entries, numbers["v"].entries)
+    return rates, [read.get(v.name, ca.SX(0)) for v in m.layout().outputs]
+
+
+def _loop_functions(m: Chain, programs: Mapping[str, RowProgram]) -> dict[str, Any]:
     """Functions of a chain without contacts, as loops along its links: arguments of Model."""
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
     whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
     functions |= model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)})
-    return functions | {"loops": ChainLoops(tuple(programs.values())), "condition_texts": ()}
+    loops = ChainLoops(tuple(programs.values()))
+    return functions | {"loops": loops, "condition_texts": (), "memory": memory_names(m.layout())}
 
 
 def _unrolled_functions(
-    m: Chain,
-    contacts: tuple[Contact, ...],
-    rows: Mapping[str, Vector],
-    programs: Mapping[str, RowProgram],
-    numbers: Mapping[str, RowProgram],
+    m: Chain, rows: Mapping[str, Vector], programs: Mapping[str, RowProgram], numbers: Mapping[str, RowProgram]
 ) -> dict[str, Any]:
     """Functions of a chain in the modes of its contacts, link by link: arguments of Model.
 
@@ -151,7 +155,7 @@ def _unrolled_functions(
         results[name] = tuple(returned) if len(returned) > 1 else returned[0]
     columns = {name: values(program, rows)[0] for name, program in numbers.items()}
     return contact_functions(
-        contacts,
+        contacts_of(m),
         vectors=vectors,
         forced=results,
         numbers=columns,
@@ -211,7 +215,7 @@ def _base(m: Chain) -> Base:
 def _start_steps(
     link: ChainLink, base: Base, symbols: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
 ) -> tuple[list[Step], ca.SX, ca.SX]:
-    """Steps that q, p and energy at the start need; column of q and p; energy."""
+    """Steps that the states and the energy at the start need; column of the states; energy."""
     q_0, v_0 = (stack(symbols[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
 
     def with_values(pairs: list[tuple[ca.SX, ca.SX]], steps: Sequence[Step], result: ca.SX) -> tuple[list[Step], ca.SX]:
@@ -220,7 +224,7 @@ def _start_steps(
 
     before, p_0 = with_values([(link.q, q_0), (link.v, v_0)], *momenta(link, base))
     after, energy_0 = with_values([(link.q, q_0), (link.p, p_0)], steps, energy)
-    return [*before, *after], ca.vertcat(q_0, p_0), energy_0
+    return [*before, *after], ca.vertcat(q_0, p_0, 0, 0), energy_0
 
 
 def _nominal_states(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:

@@ -18,6 +18,7 @@ Source of the method: R. Featherstone, Rigid Body Dynamics Algorithms (2008), ch
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -52,6 +53,29 @@ class ChainLink:
     def rate(self, expression: ca.SX) -> ca.SX:
         """Rate d/dt of a column at zero accelerations."""
         return ca.jtimes(expression, ca.vertcat(self.q, self.w), ca.vertcat(self.v, self.w_dot))
+
+    @cached_property
+    def tip_slopes(self) -> tuple[ca.SX, ca.SX]:
+        """F_q (d, f) and F_w (d, d)."""
+        return ca.jacobian(self.tip, self.q), ca.jacobian(self.tip, self.w)
+
+    @cached_property
+    def tip_rate(self) -> ca.SX:
+        """Ḟ (d,)."""
+        return self.rate(self.tip)
+
+    @cached_property
+    def own_momenta(self) -> tuple[ca.SX, ca.SX]:
+        """∂T/∂v (f,) and ∂T/∂ẇ (d,), without those of the links beyond."""
+        return gradient(self.kinetic, self.v), gradient(self.kinetic, self.w_dot)
+
+    @property
+    def forces(self) -> tuple[ca.SX, ca.SX]:
+        """Drives, loads at points by virtual work (K eq. 14) and contacts, on q (f,) and on w (d,)."""
+        virtual_q, virtual_w = (ca.jacobian(self.points, x).T @ self.loads for x in (self.q, self.w))
+        rates = self.v, self.w_dot
+        touch_q, touch_w = (ca.jacobian(self.contact_rates, x).T @ self.contact_forces for x in rates)
+        return self.drive - virtual_q + touch_q, touch_w - virtual_w
 
 
 def link_of(m: Chain, inputs: Mapping[str, ca.SX] | None = None) -> ChainLink:
@@ -120,18 +144,18 @@ class LinkMotion:
 def momenta(link: ChainLink, base: Base) -> tuple[list[Step], ca.SX]:
     """Momenta p = ∂L/∂q̇ of one link (f, 1), from q and v, and the steps that they need."""
     pi = ca.SX.sym("pi", link.w.shape[0])
-    F_q, F_w = ca.jacobian(link.tip, link.q), ca.jacobian(link.tip, link.w)
+    (F_q, F_w), (p_v, p_w) = link.tip_slopes, link.own_momenta
     steps: list[Step] = [
         carry(link.w, base.w, link.tip),
-        carry(link.w_dot, base.w_dot, link.rate(link.tip)),
-        carry(pi, _zeros_like(pi), gradient(link.kinetic, link.w_dot) + F_w.T @ pi, inward=True),
+        carry(link.w_dot, base.w_dot, link.tip_rate),
+        carry(pi, _zeros_like(pi), p_w + F_w.T @ pi, inward=True),
     ]
-    return steps, gradient(link.kinetic, link.v) + F_q.T @ pi
+    return steps, p_v + F_q.T @ pi
 
 
 def mass_matrix_diagonal(link: ChainLink) -> tuple[list[Step], ca.SX]:
     """Diagonal of the mass matrix of the chain at one link (f, 1), from q and w, and the steps that it needs."""
-    F_q, F_w = ca.jacobian(link.tip, link.q), ca.jacobian(link.tip, link.w)
+    F_q, F_w = link.tip_slopes
     M, _ = ca.hessian(link.kinetic, ca.vertcat(link.v, link.w_dot))
     M_qq, M_ww = (M[part, part] for part in (slice(0, F_q.shape[1]), slice(F_q.shape[1], None)))
     entries, composite = _symbolic_symmetric("composite", M_ww.shape[0])  # inertia of all links beyond, moved as one
@@ -141,74 +165,139 @@ def mass_matrix_diagonal(link: ChainLink) -> tuple[list[Step], ca.SX]:
 
 def link_motion(link: ChainLink, base: Base) -> LinkMotion:
     """Motion of all links from q, p, drives and loads, by sweeps along the chain."""
-    q, v, w, w_dot, T, V, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.potential, link.tip
-    F_q, F_w, F_dot = ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
-    p_v, p_w = gradient(T, v), gradient(T, w_dot)  # own momenta
-    M_qq, M_qw, M_ww = ca.jacobian(p_v, v), ca.jacobian(p_v, w_dot), ca.jacobian(p_w, w_dot)
-    s, phi, c, w_ddot = (ca.SX.sym(name, w.shape[0]) for name in ("s", "phi", "c", "w_ddot"))
-    g, a, push = (ca.SX.sym(name, q.shape[0]) for name in ("g", "a", "push"))
-    entries, P = _symbolic_symmetric("P", w.shape[0])
-    G = ca.SX.sym("G", *M_qw.shape)
-
-    # Inward: what the links beyond weigh.  Outward: rates.
-    D, U = M_qq + F_q.T @ P @ F_q, M_qw + F_q.T @ P @ F_w
-    G_solved, g_solved = solve_symmetric(D, U), solve_symmetric(D, link.p - F_q.T @ s)
-    weight = carry(entries, _zeros_like(entries), _lower_entries(M_ww + F_w.T @ P @ F_w - U.T @ G_solved), inward=True)
-    steps: list[Step] = [
-        carry(w, base.w, F),
-        weight,
-        Each(ca.vec(G), ca.vec(ca.densify(G_solved))),
-        carry(s, _zeros_like(s), F_w.T @ s + U.T @ g_solved, inward=True),
-        Each(g, g_solved),
-        carry(w_dot, base.w_dot, ca.substitute(F_dot, v, g - G @ w_dot)),
-        Each(v, g - G @ w_dot),
-    ]
-
-    # Inward: forces.  f: those that act on q, h: those that act on the joint, both less what accelerations bring.
-    pi = P @ F_dot + s
-    virtual_q, virtual_w = (ca.jacobian(link.points, x).T @ link.loads for x in (q, w))
-    touch_q, touch_w = (ca.jacobian(link.contact_rates, x).T @ link.contact_forces for x in (v, w_dot))
-    Q, Q_w = link.drive - virtual_q + touch_q, touch_w - virtual_w
-    rub, rub_w = link.friction.forces_against(v), link.friction.forces_against(w_dot)
-    f = Q - rub - gradient(V, q) + gradient(T, q) - link.rate(p_v)
-    h = Q_w - rub_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
-    b = P @ link.rate(F_dot) + c
-    slope = gradient(T - V, w) + Q_w - rub_w + F_w.T @ phi + ca.jacobian(F_dot, w).T @ pi
-    force = carry(c, _zeros_like(c), F_w.T @ b + G.T @ (f - F_q.T @ b) - h, inward=True)
-    steps += [
-        carry(phi, _zeros_like(phi), slope, inward=True),
-        force,
-        Each(push, solve_symmetric(D, f - F_q.T @ b)),
-    ]
-
-    # Outward: accelerations.
-    F_ddot = F_q @ (push - G @ w_ddot) + F_w @ w_ddot + link.rate(F_dot)
-    steps += [carry(w_ddot, base.w_ddot, F_ddot), Each(a, push - G @ w_ddot)]
-
+    beyond = _articulated_inertia(link)
+    to_rates, pi = _rate_steps(link, base, beyond)
+    to_gradient, momentum_rates = _momentum_rates(link, pi)
+    accelerated = _accelerations(link, base, beyond)
+    a, w_ddot = accelerated.own, accelerated.joint
     velocity = link.rate(link.points)
-    acceleration = link.rate(velocity) + ca.jacobian(link.points, q) @ a + ca.jacobian(link.points, w) @ w_ddot
-    power = ca.dot(link.drive, v) - ca.dot(link.loads, velocity)
-    slips = ca.dot(link.contact_forces[link.gaps :, 0], link.contact_rates[link.gaps :, 0])
-    loss = link.friction.power(ca.vertcat(v, w_dot)) - slips
-    terms = ca.vertcat(T, V, power, *([] if loss.is_zero() else [loss]))
-    totals = ca.SX.sym("total", terms.shape[0])
-    steps.append(Sum(totals, terms))
-    P_0 = ca.substitute(P, entries, weight.last)
+    acceleration = link.rate(velocity) + ca.jacobian(link.points, link.q) @ a
+    total = _energies(link, velocity)
     return LinkMotion(
-        steps=tuple(steps),
-        rates=v,
-        momentum_rates=gradient(T - V, q) + Q - rub + F_q.T @ phi + ca.jacobian(F_dot, q).T @ pi,
+        steps=(*to_rates, to_gradient, *accelerated.steps, total.step),
+        rates=link.v,
+        momentum_rates=momentum_rates,
         accelerations=a,
-        kinetic_energy=totals[0],
-        potential_energy=totals[1],
+        kinetic_energy=total.kinetic,
+        potential_energy=total.potential,
         joint_accelerations=w_ddot,
-        base_force=P_0 @ base.w_ddot + force.last,
-        power=totals[2],
-        dissipation=ca.SX(0) if loss.is_zero() else totals[3],
+        base_force=accelerated.base_force,
+        power=total.power,
+        dissipation=total.dissipation,
         points=link.points,
         point_rates=velocity,
-        point_accelerations=acceleration,
+        point_accelerations=acceleration + ca.jacobian(link.points, link.w) @ w_ddot,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _ArticulatedInertia:
+    """Inertia of a link with all that is beyond its tip, where these links are free to move."""
+
+    P: ca.SX  # of what is beyond, in symbols (d, d)
+    D: ca.SX  # M_qq + F_qᵀ P F_q (f, f)
+    U: ca.SX  # M_qw + F_qᵀ P F_w (f, d)
+    G: ca.SX  # D⁻¹ U, in symbols (f, d)
+    at_base: ca.SX  # P of the whole chain (d, d)
+    steps: tuple[Step, Step]  # to P, and to G
+
+
+def _articulated_inertia(link: ChainLink) -> _ArticulatedInertia:
+    """Inertia of a link and those beyond, inward: P ← M_ww + F_wᵀ P F_w − Uᵀ G with D G = U."""
+    (F_q, F_w), (p_v, p_w) = link.tip_slopes, link.own_momenta
+    M_qq, M_qw, M_ww = ca.jacobian(p_v, link.v), ca.jacobian(p_v, link.w_dot), ca.jacobian(p_w, link.w_dot)
+    entries, P = _symbolic_symmetric("P", link.w.shape[0])
+    D, U, G = M_qq + F_q.T @ P @ F_q, M_qw + F_q.T @ P @ F_w, ca.SX.sym("G", *M_qw.shape)
+    solved = solve_symmetric(D, U)
+    weight = carry(entries, _zeros_like(entries), _lower_entries(M_ww + F_w.T @ P @ F_w - U.T @ solved), inward=True)
+    steps = weight, Each(ca.vec(G), ca.vec(ca.densify(solved)))
+    return _ArticulatedInertia(P, D, U, G, ca.substitute(P, entries, weight.last), steps)
+
+
+def _rate_steps(link: ChainLink, base: Base, beyond: _ArticulatedInertia) -> tuple[list[Step], ca.SX]:
+    """Steps to the rates v = D⁻¹ (p − F_qᵀ s) − G ẇ (M eq. 36), and the momentum π = P Ḟ + s beyond the tip (d,)."""
+    (F_q, F_w), w_dot = link.tip_slopes, link.w_dot
+    s, g = ca.SX.sym("s", link.w.shape[0]), ca.SX.sym("g", link.q.shape[0])
+    solved = solve_symmetric(beyond.D, link.p - F_q.T @ s)
+    rates = g - beyond.G @ w_dot
+    steps: list[Step] = [
+        carry(link.w, base.w, link.tip),
+        *beyond.steps,
+        carry(s, _zeros_like(s), F_w.T @ s + beyond.U.T @ solved, inward=True),
+        Each(g, solved),
+        carry(w_dot, base.w_dot, ca.substitute(link.tip_rate, link.v, rates)),
+        Each(link.v, rates),
+    ]
+    return steps, beyond.P @ link.tip_rate + s
+
+
+def _momentum_rates(link: ChainLink, pi: ca.SX) -> tuple[Step, ca.SX]:
+    """Step to φ, inward, and ṗ = ∂L/∂q + F_qᵀ φ + Ḟ_qᵀ π + Q (f,) (M eq. 26)."""
+    T, V, F_dot, phi = link.kinetic, link.potential, link.tip_rate, ca.SX.sym("phi", link.w.shape[0])
+    parts = zip((link.q, link.w), (link.v, link.w_dot), link.tip_slopes, link.forces, strict=True)
+    own, joint = (
+        gradient(T - V, x) + Q - link.friction.forces_against(rate) + F_x.T @ phi + ca.jacobian(F_dot, x).T @ pi
+        for x, rate, F_x, Q in parts
+    )
+    return carry(phi, _zeros_like(phi), joint, inward=True), own
+
+
+@dataclass(frozen=True, eq=False)
+class _Accelerations:
+    steps: list[Step]
+    own: ca.SX  # a (f,)
+    joint: ca.SX  # ẅ (d,)
+    base_force: ca.SX  # r at the base (d,)
+
+
+def _accelerations(link: ChainLink, base: Base, beyond: _ArticulatedInertia) -> _Accelerations:
+    """Accelerations a = D⁻¹ (f − F_qᵀ b) − G ẅ: forces inward, b = P β + c, then accelerations outward."""
+    (F_q, F_w), G = link.tip_slopes, beyond.G
+    c, w_ddot = (ca.SX.sym(name, link.w.shape[0]) for name in ("c", "w_ddot"))
+    a, push = (ca.SX.sym(name, link.q.shape[0]) for name in ("a", "push"))
+    f, h = _forces_at_zero_accelerations(link)
+    bias = link.rate(link.tip_rate)
+    b = beyond.P @ bias + c
+    force = carry(c, _zeros_like(c), F_w.T @ b + G.T @ (f - F_q.T @ b) - h, inward=True)
+    own = push - G @ w_ddot
+    steps: list[Step] = [
+        force,
+        Each(push, solve_symmetric(beyond.D, f - F_q.T @ b)),
+        carry(w_ddot, base.w_ddot, F_q @ own + F_w @ w_ddot + bias),
+        Each(a, own),
+    ]
+    return _Accelerations(steps, a, w_ddot, beyond.at_base @ base.w_ddot + force.last)
+
+
+def _forces_at_zero_accelerations(link: ChainLink) -> tuple[ca.SX, ca.SX]:
+    """Forces Q + ∂L/∂x less the part of d/dt ∂T/∂ẋ without accelerations: f on q (f,), h on w (d,)."""
+    T, V, rub = link.kinetic, link.potential, link.friction.forces_against
+    parts = zip((link.q, link.w), (link.v, link.w_dot), link.own_momenta, link.forces, strict=True)
+    f, h = (Q - rub(rate) - gradient(V, x) + gradient(T, x) - link.rate(p) for x, rate, p, Q in parts)
+    return f, h
+
+
+@dataclass(frozen=True, eq=False)
+class _Energies:
+    step: Sum
+    kinetic: ca.SX
+    potential: ca.SX
+    power: ca.SX
+    dissipation: ca.SX
+
+
+def _energies(link: ChainLink, velocity: ca.SX) -> _Energies:
+    """Energies of the chain, power of drives and loads, power that friction takes: sums over its links.
+
+    :param velocity: of the points (m,).
+    """
+    power = ca.dot(link.drive, link.v) - ca.dot(link.loads, velocity)
+    slips = ca.dot(link.contact_forces[link.gaps :, 0], link.contact_rates[link.gaps :, 0])
+    loss = link.friction.power(ca.vertcat(link.v, link.w_dot)) - slips
+    terms = ca.vertcat(link.kinetic, link.potential, power, *([] if loss.is_zero() else [loss]))
+    totals = ca.SX.sym("total", terms.shape[0])
+    dissipation = ca.SX(0) if loss.is_zero() else totals[3]
+    return _Energies(Sum(totals, terms), totals[0], totals[1], totals[2], dissipation)
 
 
 def _symbolic_symmetric(name: str, d: int) -> tuple[ca.SX, ca.SX]:

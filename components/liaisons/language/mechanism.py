@@ -59,6 +59,11 @@ class ActiveColumns:
     force: ca.SX
     adapted: int  # so many are coordinates, the others values of rheonomic constraints
 
+    @property
+    def adapted_columns(self) -> tuple[ca.SX, ca.SX]:
+        """Adapted active coordinates and their rates, without the values of rheonomic constraints."""
+        return self.s[: self.adapted, 0], self.s_dot[: self.adapted, 0]
+
 
 @dataclass(frozen=True, eq=False)
 class PlaceholderColumns:

@@ -48,6 +48,10 @@ class Constraints:
     holonomic: tuple[int, ...]  # rows, passive or rheonomic
     alpha: float  # a residual r obeys r̈ + 2α ṙ + α² r = 0, of a non-holonomic constraint ṙ + α r = 0 [1/s]
 
+    def gradients_along(self, m: Mechanism) -> ca.SX:
+        """Gradients of the holonomic constraints along the adapted active coordinates (a, number of these)."""
+        return ca.jacobian(self.residuals[list(self.holonomic), 0], m.active.adapted_columns[0]).T
+
 
 def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Constraints:
     """Differentiate the constraints of a mechanism until accelerations appear (K eq. 8, 9; KC2 of the errata).

@@ -67,8 +67,7 @@ _METHOD_OF: dict[type, Method] = {}
 
 def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
     q_dot, q_ddot = m.free.q_dot, m.free.q_ddot
-    adapted = m.active.adapted
-    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
+    s, s_dot = m.active.adapted_columns
     # Momentum and its inverse.
     p, metric = gradient(L, q_dot), inertia_of(m, L)
     velocities, convergence = _velocities_and_margins(m, L, metric)

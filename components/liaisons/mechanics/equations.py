@@ -22,15 +22,16 @@ An orientation has the angular velocity ω in the body frame for ẋ, and its mo
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from liaisons.algebra import gradient, jacobian, stack
-from liaisons.base.array_names import suffixed_name
+from liaisons.algebra import jacobian
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language import Mechanism
+from liaisons.mechanics.applied_forces import AppliedForces, applied_forces
 from liaisons.mechanics.constraints import (
     STABILISATION,
     Constraints,
@@ -41,7 +42,7 @@ from liaisons.mechanics.constraints import (
     projection,
     residuals_by_rounding,
 )
-from liaisons.mechanics.dynamics import dynamics_of
+from liaisons.mechanics.dynamics import Dynamics, dynamics_of
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.inertia import Inertia
 
@@ -70,36 +71,17 @@ class Equations:
     """
 
     mechanism: Mechanism  # the symbols
-    drives: ca.SX  # generalised forces q_force on the coordinates
-    loads: ca.SX  # q_load
-    point_loads: ca.SX  # (number of point components,) P_x_load
-    points: dict[str, ca.SX]  # "bob_x" -> expression
     lagrangian: ca.SX
     kinetic_energy: ca.SX
     potential_energy: ca.SX
-    inertia: Inertia  # A, and how it is inverted
-    momenta: ca.SX  # ∂L/∂ẋ (f,)
-    velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
-    unconstrained_velocities: ca.SX  # A⁻¹ (p − b), which may violate constraints (f,)
-    momentum_rates: ca.SX  # ṗ (f,)
-    constraint_stabilization: ca.SX  # added to ṗ, so that momenta across the constraints decay (f,)
-    accelerations: ca.SX  # ẍ (f,)
-    operator_forces: ca.SX  # λ (a,)
-    effective_mass: ca.SX  # Θ (a, a)
-    forces: ca.SX  # f: A ẍ = f + Cᵀ λ (f,)
-    applied_forces: ca.SX  # Q, then Q_s on adapted coordinates, with forces of constraints whose λ are symbols
+    applied: AppliedForces
+    dynamics: Dynamics
     constraints: Constraints  # C ẍ = c
-    independence: ca.SX  # of each constraint from the others; near 0 they lose rank (c,)
-    multipliers: ca.SX  # λ of the passive and non-holonomic constraints
-    power: ca.SX  # through all ports
-    friction: Dissipation
-    dissipation: ca.SX  # power lost by friction and non-holonomic constraints
-    internal_rates: ca.SX
-    residuals_by_rounding: ca.SX  # within 1 where the constraints are kept (c,)
-    projection: ca.SX | None  # of (x, p) onto constraints and unit quaternions
-    start_momenta: ca.SX  # ∂L/∂ẋ at rates on the constraints, of which some are given
-    given_rates: ca.SX  # symbols: 1 for those, else 0 (f,)
-    convergence: ca.SX  # must stay > 0 if velocities belong to momenta (f,); (0,) where L is quadratic in ẋ
+    velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
+    constraint_stabilization: ca.SX  # added to ṗ, so that momenta across the constraints decay (f,)
+    constraint_forces: ca.SX  # λ of all constraints (c,)
+    accelerations: ca.SX  # ẍ (f,)
+    operator_forces: ca.SX  # λ of the operators (a,)
 
     @property
     def name(self) -> str:
@@ -113,9 +95,127 @@ class Equations:
         return self.mechanism.symbols | {str(symbol): symbol for symbol in forces}
 
     @property
+    def drives(self) -> ca.SX:
+        """Symbols of the generalised forces q_force on the coordinates."""
+        return self.applied.drives
+
+    @property
+    def loads(self) -> ca.SX:
+        """Symbols of the loads q_load on the coordinates."""
+        return self.applied.loads
+
+    @property
+    def point_loads(self) -> ca.SX:
+        """Symbols of the loads P_x_load at points (number of point components,)."""
+        return self.applied.point_loads
+
+    @property
+    def points(self) -> dict[str, ca.SX]:
+        """Components of the points by name, such as ``"bob_x"``."""
+        return self.applied.points
+
+    @property
+    def friction(self) -> Dissipation:
+        """Friction by Rayleigh's dissipation function."""
+        return self.applied.friction
+
+    @property
+    def inertia(self) -> Inertia:
+        """Mass matrix A, and how it is inverted."""
+        return self.dynamics.inertia
+
+    @property
     def mass_matrix(self) -> ca.SX:
         """Mass matrix A (f, f)."""
         return self.inertia.matrix
+
+    @property
+    def momenta(self) -> ca.SX:
+        """Momenta p = ∂L/∂ẋ (f,) (K eq. 78, M eq. 10)."""
+        return self.dynamics.momenta
+
+    @property
+    def unconstrained_velocities(self) -> ca.SX:
+        """Velocities A⁻¹ (p − b), which may violate constraints (f,) (M eq. 36)."""
+        return self.dynamics.velocities
+
+    @property
+    def convergence(self) -> ca.SX:
+        """What must stay > 0 if velocities belong to momenta (f,); (0,) where L is quadratic in ẋ."""
+        return self.dynamics.convergence
+
+    @cached_property
+    def forces(self) -> ca.SX:
+        """Forces f with A ẍ = f + Cᵀ λ (f,)."""
+        return self.dynamics.bias + self.applied.on_free
+
+    @cached_property
+    def momentum_rates(self) -> ca.SX:
+        """Rates of the momenta ṗ = ∂L/∂x + Q + Cᵀ λ (f,) (M eq. 26, 36)."""
+        force = self.dynamics.lagrangian_gradient + self.applied.on_free
+        return self.mechanism.free.frame @ (force + self.constraints.matrix.T @ self.constraint_forces)
+
+    @cached_property
+    def applied_forces(self) -> ca.SX:
+        """Q, then Q_s on adapted coordinates, with forces of constraints whose λ are symbols."""
+        m, C = self.mechanism, self.constraints
+        lambdas = ca.vertcat(m.multipliers, m.active.force[m.active.adapted :, 0])
+        across = C.gradients_along(m) @ lambdas[list(C.holonomic), 0]
+        return ca.vertcat(self.applied.on_free + C.matrix.T @ lambdas, self.applied.on_active + across)
+
+    @property
+    def multipliers(self) -> ca.SX:
+        """Multipliers λ of the passive and non-holonomic constraints."""
+        return self.constraint_forces[: len(self.mechanism.passive_constraints), 0]
+
+    @cached_property
+    def effective_mass(self) -> ca.SX:
+        """Effective mass Θ = ∂λ/∂σ̈ at the active ports (a, a) (M eq. 50)."""
+        return jacobian(self.operator_forces, self.mechanism.active.s_ddot)
+
+    @cached_property
+    def power(self) -> ca.SX:
+        """Power through all ports: Σ λ σ̇ of the operators (M eq. 28), drives and loads."""
+        return self.applied.power(self.operator_forces)
+
+    @cached_property
+    def dissipation(self) -> ca.SX:
+        """Power that friction and non-holonomic constraints take; the latter are neither drive nor load."""
+        m, C = self.mechanism, self.constraints.matrix
+        rows = list(range(len(m.constraints), len(m.passive_constraints)))
+        return self.applied.dissipation - ca.dot(self.constraint_forces[rows, 0], C[rows, :] @ m.free.q_dot)
+
+    @cached_property
+    def independence(self) -> ca.SX:
+        """Independence of each constraint from the others; near 0 they lose rank (c,)."""
+        C = self.constraints
+        return self.inertia.independence(C.matrix, C.squares) if C.matrix.shape[0] else ca.SX(0, 1)
+
+    @cached_property
+    def residuals_by_rounding(self) -> ca.SX:
+        """Residuals of the constraints, within 1 where they are kept (c,)."""
+        return residuals_by_rounding(self.mechanism, self.constraints)
+
+    @cached_property
+    def projection(self) -> ca.SX | None:
+        """State (x, p) projected onto constraints and unit quaternions; None where there are none."""
+        return projection(self.mechanism, self.inertia, self.unconstrained_velocities, self.constraints)
+
+    @cached_property
+    def given_rates(self) -> ca.SX:
+        """Symbols: 1 for each rate that is given at the start, else 0 (f,)."""
+        return ca.SX.sym("given", self.mechanism.free.q_dot.shape[0])
+
+    @cached_property
+    def start_momenta(self) -> ca.SX:
+        """Momenta ∂L/∂ẋ at rates on the constraints, of which some are given (f,)."""
+        m, loose = self.mechanism, self.unconstrained_velocities
+        return consistent_momenta(m, self.inertia, loose, self.constraints, self.given_rates)
+
+    @property
+    def internal_rates(self) -> ca.SX:
+        """Rates of the internal states."""
+        return self.mechanism.internal_rate_column()
 
     @property
     def state_rates(self) -> ca.SX:
@@ -174,91 +274,39 @@ def derive(component: type[Mechanism]) -> Equations:
     :param component: a subclass of Mechanism.
     """
     m = component()
-    q, q_dot, K = m.free.q, m.free.q_dot, m.free.kinematics
-    adapted = m.active.adapted
-    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Common subexpressions first, so that derivatives cost as much as the energies.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
-    rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
-
-    # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
-    drives, loads = (stack(ca.SX.sym(suffixed_name(q.name, end)) for q in m.coordinates) for end in ("_force", "_load"))
-    points = m.point_components()
-    position = ca.cse(stack(points.values()))
-    point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
-    applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - drives.shape[0], 1))
-    # Forces of contacts act along the gradients of their rates, on free and active coordinates.
-    rates = m.contact_rates()
-    slips = rates[len(m.unilaterals) :, 0]
-    lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
-    Q = applied - K.T @ gradient(lifting, q) - rubbing.forces_against(q_dot)
-    Q_s = -gradient(lifting, s) - rubbing.forces_against(s_dot)
-    if rates.shape[0]:
-        Q += jacobian(rates, q_dot).T @ m.contact_forces
-        Q_s += jacobian(rates, s_dot).T @ m.contact_forces
-
-    dynamics = dynamics_of(m, L)
-    metric, loose = dynamics.inertia, dynamics.velocities
-    force, f = dynamics.lagrangian_gradient + Q, dynamics.bias + Q  # the latter: A ẍ = f
-    constraints = differentiated_constraints(m)
-    C = constraints.matrix
-    velocities, mu = constrained_velocities(m, metric, loose, constraints)
-    lambdas = multipliers(metric, f, constraints)
-    given = ca.SX.sym("given", q_dot.shape[0])
-    p_dot = m.free.frame @ (force + C.T @ lambdas)
-
-    # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
-    passive = len(m.passive_constraints)
-    rigid = list(constraints.holonomic)
-    across = ca.jacobian(constraints.residuals[rigid, 0], s).T
-    constrained = Q_s + across @ lambdas[rigid, 0]
-    symbols = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
-    applied_forces = ca.vertcat(Q + C.T @ symbols, Q_s + across @ symbols[rigid, 0])
-    accelerations, lambda_s = dynamics.forward(Q + C.T @ lambdas, constrained)
-    operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
-    Theta = jacobian(operator_forces, m.active.s_ddot)
-
-    # Power of non-holonomic constraints, which is neither drive nor load but leaves the energy.
-    inner = list(range(len(m.constraints), passive))
-    constraint_power = ca.dot(lambdas[inner, 0], C[inner, :] @ q_dot)
-    power = (
-        ca.dot(operator_forces, m.active.s_dot)
-        + ca.dot(drives - loads, q_dot[: drives.shape[0], 0])
-        - ca.dot(point_loads, m.dot(position))
-    )
-    dissipation = rubbing.power(ca.vertcat(q_dot, s_dot))
-    if slips.shape[0]:
-        dissipation -= ca.dot(m.contact_forces[len(m.unilaterals) :, 0], slips)
+    friction = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
+    applied, dynamics, constraints = applied_forces(m, friction), dynamics_of(m, L), differentiated_constraints(m)
+    velocities, mu = constrained_velocities(m, dynamics.inertia, dynamics.velocities, constraints)
+    lambdas = multipliers(dynamics.inertia, dynamics.bias + applied.on_free, constraints)
+    accelerations, operator_forces = _accelerations_and_operator_forces(m, applied, dynamics, constraints, lambdas)
     return Equations(
         mechanism=m,
-        drives=drives,
-        loads=loads,
-        point_loads=point_loads,
-        points=points,
         lagrangian=L,
         kinetic_energy=kinetic,
         potential_energy=potential,
-        inertia=metric,
-        momenta=dynamics.momenta,
+        applied=applied,
+        dynamics=dynamics,
+        constraints=constraints,
         velocities=velocities,
-        unconstrained_velocities=loose,
-        momentum_rates=p_dot,
         constraint_stabilization=m.free.frame @ (2 * STABILISATION * mu),
+        constraint_forces=lambdas,
         accelerations=accelerations,
         operator_forces=operator_forces,
-        effective_mass=Theta,
-        forces=f,
-        applied_forces=applied_forces,
-        constraints=constraints,
-        independence=metric.independence(C, constraints.squares) if C.shape[0] else ca.SX(0, 1),
-        multipliers=lambdas[:passive, 0],
-        power=power,
-        friction=rubbing,
-        dissipation=dissipation - constraint_power,
-        internal_rates=m.internal_rate_column(),
-        residuals_by_rounding=residuals_by_rounding(m, constraints),
-        projection=projection(m, metric, loose, constraints),
-        start_momenta=consistent_momenta(m, metric, loose, constraints, given),
-        given_rates=given,
-        convergence=dynamics.convergence,
     )
+
+
+def _accelerations_and_operator_forces(
+    m: Mechanism, applied: AppliedForces, dynamics: Dynamics, constraints: Constraints, lambdas: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Accelerations ẍ (f,), and forces of the operators (a,): λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s (M eq. 27).
+
+    The operator of a rheonomic constraint exerts its multiplier.
+
+    :param lambdas: multipliers of all constraints (c,).
+    """
+    on_active = applied.on_active + constraints.gradients_along(m) @ lambdas[list(constraints.holonomic), 0]
+    accelerations, forces = dynamics.forward(applied.on_free + constraints.matrix.T @ lambdas, on_active)
+    # Dense: no force where nothing is moved.
+    return accelerations, ca.densify(ca.vertcat(forces, lambdas[len(m.passive_constraints) :, 0]))

@@ -17,9 +17,9 @@ from liaisons.mechanics.dynamics import method_of
 from liaisons.mechanics.energy_accounting import memory_names, with_energy_accounting
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.legendre import CHOSEN, FULL
-from liaisons.mechanics.model import Model, Reach, declared_fields, domain_conditions
+from liaisons.mechanics.model import Equation, Model, Reach, declared_fields, domain_conditions
 from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
-from liaisons.mechanics.pictures import mechanism_picture
+from liaisons.mechanics.pictures import Drawing, mechanism_picture
 from liaisons.mechanics.printing import mechanism_equations
 
 CONSISTENT = 1e-6
@@ -41,74 +41,123 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     """
     equations = derive(component)
     m = equations.mechanism
-    method, layout = contact_method(m.contact_formulas), m.layout()
-    contacts = method.contacts(m) if method else ()
-    flat = layout.flat()
+    method, flat = contact_method(m.contact_formulas), m.layout().flat()
     symbols = {v.name: ca.SX.sym(v.name) for v in (*flat.parameters, *flat.inputs)} | equations.symbols
-
-    # The vectors of Model.
-    t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
-    y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
-    u, k = (stack(symbols[v.name] for v in group) for group in (flat.inputs, flat.parameters))
-    memory = memory_names(flat)
-    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory)), "x": m.contact_forces}
-
-    rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
-    # A jump of σ̇ through a rheonomic constraint changes the state.
-    projection = equations.projection
-    landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
+    vectors = _vectors(m, flat, symbols)
     lasting, at_start = _conditions(equations), _start_conditions(equations)
-    numbers = method.numbers(m) if method else {}
-    read = _output_expressions(equations, flat, rates, numbers)
-    z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
-    first, first_energy = _initial_state(equations, symbols)
-    distances, initial = stack((lasting | at_start).values()), ca.vertcat(*first, 0, 0)
-    reaches, reached = _reaches(equations)
-    # All in one: what the expressions share stays shared.
-    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed]
-    columns += [reached, equations.independence, *numbers.values()]
-    together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
-    ends = [0, *accumulate(column.shape[0] for column in columns)]
-    parts = ca.vertsplit(together, ends)
-    initial, first_energy, rates, energy, z, sizes, distances, landed, reached, independence, *columns = parts
-    shown = mechanism_picture(m, read | symbols)
+    contact_numbers = method.numbers(m) if method else {}
+    rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
+    read = _output_expressions(equations, flat, rates, contact_numbers)
+    start, energy_at_start = _initial_state(equations, symbols)
+    reaches, reach = _reaches(equations)
+    expressions = {
+        "start": start,
+        "energy_at_start": energy_at_start,
+        "rates": rates,
+        "energy": equations.energy,
+        "outputs": stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs),  # 0: the energy balance, filled in below
+        "nominals": _nominal_states(equations),
+        "conditions": stack((lasting | at_start).values()),
+        "landed": _landed(equations, vectors["y"]),
+        "reach": reach,
+        "independence": equations.independence,
+    }
+    columns = _as_functions_of_the_state(equations, expressions | contact_numbers)
+    drawing = mechanism_picture(m, read | symbols)
+    functions = contact_functions(
+        method.contacts(m) if method else (),
+        vectors=vectors,
+        forced=_results(vectors, flat, columns, drawing),
+        numbers={name: columns[name] for name in contact_numbers},
+        layout=flat,
+        memory=memory_names(flat),
+        condition_texts=(*lasting, *at_start),
+    )
+    return Model(
+        **declared_fields(m),
+        **_with_redundancy(equations, vectors, flat, functions, columns["independence"]),
+        start_only=len(at_start),
+        reaches=reaches,
+        configuration=tuple(m.motion_names("quaternion")),
+        equations=_printed(equations),
+        picture=drawing.document,
+        drawn=drawing.variables,
+    )
+
+
+def _vectors(m: Mechanism, layout: Layout, symbols: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """Vectors of the model's functions by letter: time, states, inputs, parameters, memory, contact forces."""
+    y = ca.vertcat(m.free.q, m.free.p, m.internal, ca.SX.sym("work"), ca.SX.sym("dissipated"))
+    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
+    memory = ca.SX.sym("m", len(memory_names(layout)))
+    return {"t": ca.SX.sym("t"), "y": y, "u": u, "k": k, "m": memory, "x": m.contact_forces}
+
+
+def _landed(equations: Equations, y: ca.SX) -> ca.SX:
+    """State after a jump of σ̇, which through a rheonomic constraint changes it; (0,) where it does not."""
+    projection = equations.projection
+    return ca.SX(0, 1) if projection is None else ca.vertcat(projection, y[projection.shape[0] :])
+
+
+def _as_functions_of_the_state(equations: Equations, columns: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """Columns with the state in place of rates, all in one, so that what the expressions share stays shared."""
+    together = ca.cse(equations.in_phase_space(ca.vertcat(*columns.values())))
+    ends = [0, *accumulate(column.shape[0] for column in columns.values())]
+    return dict(zip(columns, ca.vertsplit(together, ends), strict=True))
+
+
+def _results(
+    vectors: Mapping[str, ca.SX], layout: Layout, columns: Mapping[str, ca.SX], drawing: Drawing
+) -> dict[str, Any]:
+    """Results of the model's functions, with the energy accounted for; None for one that is not needed."""
     results = with_energy_accounting(
         vectors,
-        flat,
-        initial=initial,
-        rates=rates,
-        energy=energy,
-        outputs=ca.vertsplit(z),
-        nominals=sizes,
-        landed=None if projection is None else landed,
-        energy_at_start=first_energy if first_energy.shape[0] else None,
+        layout,
+        initial=columns["start"],
+        rates=columns["rates"],
+        energy=columns["energy"],
+        outputs=ca.vertsplit(columns["outputs"]),
+        nominals=columns["nominals"],
+        landed=_unless_empty(columns["landed"]),
+        energy_at_start=_unless_empty(columns["energy_at_start"]),
     )
-    results |= {"conditions": distances, "events": ca.SX(0, 1), "reach": reached if reaches else None}
-    results["draw"] = stack(shown.expressions) if shown.expressions else None
-    texts, numbers = (*lasting, *at_start), dict(zip(numbers, columns, strict=True))
-    functions = contact_functions(
-        contacts, vectors=vectors, forced=results, numbers=numbers, layout=flat, memory=memory, condition_texts=texts
-    )
-    starts = [[variable.start for variable in group] for group in (flat.inputs, flat.parameters)]
+    results |= {"conditions": columns["conditions"], "events": ca.SX(0, 1), "reach": _unless_empty(columns["reach"])}
+    return results | {"draw": stack(drawing.expressions) if drawing.expressions else None}
+
+
+def _unless_empty(column: ca.SX) -> ca.SX | None:
+    """A column, or None if it has no rows."""
+    return column if column.shape[0] else None
+
+
+def _with_redundancy(
+    equations: Equations,
+    vectors: Mapping[str, ca.SX],
+    layout: Layout,
+    functions: Mapping[str, Any],
+    independence: ca.SX,
+) -> dict[str, Any]:
+    """Functions of the model, and how many of its constraints follow from the others: arguments of Model.
+
+    :param independence: of each constraint from the others (c,).
+    """
+    starts = [[variable.start for variable in group] for group in (layout.inputs, layout.parameters)]
     point = [vectors[letter] for letter in "tyuk"]
     redundant = _count_redundant(equations, point, functions, starts)
     margin = _least(ca.vertsplit(independence), redundant)
-    if redundant:
-        functions["reach"] = _loosened(functions["reach"], len(reaches))
-    derived = method_of(m)
-    own = derived.printed(equations) if derived else None
-    return Model(
-        **declared_fields(m),
+    return {
         **functions,
-        start_only=len(at_start),
-        redundant=redundant,
-        margin=None if margin.is_constant() else ca.Function("margin", point, [margin]),
-        reaches=reaches,
-        configuration=tuple(m.motion_names("quaternion")),
-        equations=mechanism_equations(equations) if own is None else own,
-        picture=shown.document,
-        drawn=shown.variables,
-    )
+        **({"reach": _loosened(functions["reach"], independence.shape[0])} if redundant else {}),
+        "redundant": redundant,
+        "margin": None if margin.is_constant() else ca.Function("margin", point, [margin]),
+    }
+
+
+def _printed(equations: Equations) -> tuple[Equation, ...]:
+    """Equations for the documentation, by the method of the mechanism if it has its own."""
+    method = method_of(equations.mechanism)
+    own = method.printed(equations) if method else None
+    return mechanism_equations(equations) if own is None else own
 
 
 def _least(values: Iterable[ca.SX], more: int) -> ca.SX:
@@ -168,8 +217,8 @@ def _output_expressions(
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 
 
-def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.SX], ca.SX]:
-    """Start values of configuration, momenta and internal states; and of the energy, (1,) or (0,) for not.
+def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
+    """Column of the states at the start; and the energy there, (1,) or (0,) for not.
 
     Momenta are ∂L/∂q̇, or as set for an orientation; the energy is that of a linkage without constraints.
     """
@@ -189,7 +238,8 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
     p_0, energy = ca.vertsplit(ca.substitute(both, motion, start(motion)), [0, p.shape[0], both.shape[0]])
     state = ca.vertcat(m.free.q, m.free.p, equations.given_rates)
     at_start = ca.vertcat(start(m.free.q), p_0, _given_rates(m, symbols))
-    return [start(m.free.q), ca.substitute(equations.start_momenta, state, at_start), start(m.internal)], energy
+    momenta = ca.substitute(equations.start_momenta, state, at_start)
+    return ca.vertcat(start(m.free.q), momenta, start(m.internal), 0, 0), energy
 
 
 def _given_rates(m: Mechanism, symbols: dict[str, ca.SX]) -> ca.SX:

@@ -184,7 +184,7 @@ def _generic_rank(matrix: ca.SX) -> int:
 def _force_balances(equations: Equations) -> ca.SX:
     """Forces ∂L/∂x + Q on free coordinates; below, d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s on active ones, with symbols ẍ and λ."""
     m, L = equations.mechanism, equations.lagrangian
-    s, s_dot = m.active.s[: m.active.adapted, 0], m.active.s_dot[: m.active.adapted, 0]
+    s, s_dot = m.active.adapted_columns
     count = m.free.q_dot.shape[0]
     on_free, on_active = equations.applied_forces[:count, 0], equations.applied_forces[count:, 0]
     force = m.free.kinematics.T @ gradient(L, m.free.q) + on_free

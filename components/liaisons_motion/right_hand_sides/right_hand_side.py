@@ -180,83 +180,130 @@ def right_hand_side(
     :param moving: active coordinate -> model of the operator that moves it.
     """
     rows = checked_output_rows(model, record)
-    t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
-    symbol_of: Expressions = {}
-
-    def symbols(title: str, names: list[str]) -> ca.SX:
-        """Column of new symbols, registered by their names."""
-        column = ca.SX.sym(title, len(names))
-        symbol_of.update((name, column[i]) for i, name in enumerate(names))
-        return column
-
-    def values(variables: Iterable[Variable], prefix: str = "") -> Expressions:
-        """Symbols of variables by name, or their declared numbers where they have no symbols."""
-        return {v.name: symbol_of.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
-
-    each, once, instant = symbols("lanes", list(lanes)), symbols("shared", list(shared)), ca.SX(start_time)
-    inputs = values(model.inputs)
-    if driven is not None:
-        extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
-        once, instant = ca.vertcat(once, extra), extra[0]
-        inputs |= _polynomial_inputs(model, driven, extra[1:], t)
-    once, sums = (
-        ca.vertcat(once, symbols("modes", _contact_memory_names(model))),
-        symbols("sums", _impulse_sum_names(model)),
-    )
-    constants, moved = (each, once), list[tuple[Model, ca.SX]]()
-    for triple in model.active:
-        if triple.value in moving:
-            operator = moving[triple.value]
-            parameters = stack(values(operator.parameters, f"{triple.value}.").values())
-            moved.append((operator, parameters))
-            z = _scalar_results(operator.outputs_function, t, [], [], parameters, [])[0]
-            inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
-    u, k = stack(inputs.values()), stack(values(model.parameters).values())
-
-    at_start = [instant, ca.substitute(u, t, instant), k]
+    given = _given(model, moving, lanes=lanes, shared=shared, start_time=start_time, driven=driven)
+    t, u, k, y = given.t, stack(given.inputs.values()), given.parameters, ca.SX.sym("y", len(model.states))
+    at_start = [given.start_time, ca.substitute(u, t, given.start_time), k]
     start, memory = _scalar_results(model.start, *at_start)
     at_start.insert(1, start)
-    memory = stack(symbol_of.get(name, value) for name, value in zip(model.memory, ca.vertsplit(memory), strict=True))
-    remembered = _scalar_results(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
-    outputs = _scalar_results(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
-    rates = _scalar_results(model.derivatives, t, y, u, k, memory)[0]
-    projected = y if model.project is None else _scalar_results(model.project, t, y, u, k)[0]
-    lasting = len(model.condition_texts) - model.start_only
-    conditions, begun = (_scalar_results(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
-    moving_inputs = [v for v in model.inputs if v.name not in symbol_of and not inputs[v.name].is_constant()]
-    domains = [(v, gap) for v in moving_inputs for gap in domain_gaps(v, inputs[v.name])]
-    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(gap for _, gap in domains))
-    texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
-
-    before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
-    booked = _scalar_results(
-        model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory
-    )[0]
+    memory = stack(given.symbols.get(name, x) for name, x in zip(model.memory, ca.vertsplit(memory), strict=True))
+    point = (t, y, u, k, memory)
+    remembered = _scalar_results(model.remember, *point)[0]  # what outputs see after a completed step
+    rates = _scalar_results(model.derivatives, *point)[0]
     sizes = _scalar_results(model.nominals, *at_start)[0]
-    landed = None if driven is None else _scalar_results(model.jump, t, y, u, k, booked)[0]
+    conditions, texts = _conditions(model, given, point, at_start)
+    before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", given.shared.numel())
+    prescribed = {*moving, *(driven or ())}
     whole = RightHandSide(
-        symbols=(t, *constants, y),
+        symbols=(t, given.lanes, given.shared, y),
         start=start,
         rates=rates,
-        projected=projected,
-        outputs=outputs,
+        projected=y if model.project is None else _scalar_results(model.project, t, y, u, k)[0],
+        outputs=_scalar_results(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]],
         conditions=conditions,
         condition_texts=texts,
-        prescribed={a.value: inputs[a.value] for a in model.active if a.value in {*moving, *(driven or ())}},
-        landed=landed,
+        prescribed={a.value: given.inputs[a.value] for a in model.active if a.value in prescribed},
+        landed=None if driven is None else _landed(model, given, point, before),
         before=before,
-        events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
+        events=stack([_event_instants(model, k, t), *(_event_instants(op, p, t) for op, p in given.operators)]),
         sizes=sizes,
         reach=ca.SX(0, 1) if model.reach is None else _scalar_results(model.reach, t, y, u, k)[0],
         full_rank=_time_of_full_rank(model, (t, y, u, k), rates, sizes),
         model=model,
     )
-    reduced = _reduced_to_needed_states(
-        _with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole
-    )
+    reduced = _reduced_to_needed_states(_with_contacts(whole, model, point, given.sums) if model.contacts else whole)
     if reduced is None:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
     return reduced
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What a motion is a function of, and what this makes of the inputs and parameters of its model.
+
+    :param symbols: of the values that are given, by name.
+    :param sums: to which impacts add.
+    :param inputs: of the model as functions of t, lanes and shared values, by name.
+    :param operators: that move the model, each with its parameters.
+    """
+
+    t: ca.SX
+    start_time: ca.SX
+    symbols: Expressions
+    lanes: ca.SX
+    shared: ca.SX
+    sums: ca.SX
+    inputs: Expressions
+    parameters: ca.SX
+    operators: Sequence[tuple[Model, ca.SX]]
+
+
+def _given(
+    model: Model,
+    moving: Mapping[str, Model],
+    *,
+    lanes: Iterable[str],
+    shared: Iterable[str],
+    start_time: float,
+    driven: Sequence[str] | None,
+) -> _Given:
+    """Symbols of a motion, and inputs that are polynomials of time or follow operators."""
+    symbols: Expressions = {}
+
+    def new(title: str, names: Iterable[str]) -> ca.SX:
+        """Column of new symbols, registered by their names."""
+        listed = list(names)
+        column = ca.SX.sym(title, len(listed))
+        symbols.update((name, column[i]) for i, name in enumerate(listed))
+        return column
+
+    def values(variables: Iterable[Variable], prefix: str = "") -> Expressions:
+        """Symbols of variables by name, or their declared numbers where they have no symbols."""
+        return {v.name: symbols.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
+
+    t, each, once, instant = ca.SX.sym("t"), new("lanes", lanes), new("shared", shared), ca.SX(start_time)
+    inputs = values(model.inputs)
+    if driven is not None:
+        extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
+        once, instant = ca.vertcat(once, extra), extra[0]
+        inputs |= _polynomial_inputs(model, driven, extra[1:], t)
+    once, sums = ca.vertcat(once, new("modes", _contact_memory_names(model))), new("sums", _impulse_sum_names(model))
+    operators = list[tuple[Model, ca.SX]]()
+    for triple in model.active:
+        if triple.value in moving:
+            operator = moving[triple.value]
+            parameters = stack(values(operator.parameters, f"{triple.value}.").values())
+            operators.append((operator, parameters))
+            z = _scalar_results(operator.outputs_function, t, [], [], parameters, [])[0]
+            inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
+    parameters = stack(values(model.parameters).values())
+    return _Given(t, instant, symbols, each, once, sums, inputs, parameters, operators)
+
+
+def _conditions(
+    model: Model, given: _Given, point: Sequence[ca.SX], at_start: Sequence[ca.SX]
+) -> tuple[ca.SX, tuple[str, ...]]:
+    """Conditions that must stay > 0: of the model, there or at the start, and domains of inputs that move; their texts.
+
+    :param point: t, y, u, k and memory; ``at_start``: the first four there.
+    """
+    lasting = len(model.condition_texts) - model.start_only
+    conditions, begun = (_scalar_results(model.conditions, *x, point[4])[0] for x in (point[:4], at_start))
+    moving = [v for v in model.inputs if v.name not in given.symbols and not given.inputs[v.name].is_constant()]
+    domains = [(v, gap) for v in moving for gap in domain_gaps(v, given.inputs[v.name])]
+    texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
+    return ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(gap for _, gap in domains)), texts
+
+
+def _landed(model: Model, given: _Given, point: Sequence[ca.SX], before: tuple[ca.SX, ca.SX]) -> ca.SX:
+    """State after a jump of inputs.
+
+    :param point: t, y, u, k and memory after it; ``before``: t and the shared values there.
+    """
+    t, y, u, k, memory = point
+    u_before = ca.substitute(u, ca.vertcat(t, given.shared), ca.vertcat(*before))
+    booked = _scalar_results(model.remember, t, y, u_before, k, memory)[0]
+    return _scalar_results(model.jump, t, y, u, k, booked)[0]
 
 
 def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
