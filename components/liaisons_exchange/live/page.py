@@ -55,18 +55,7 @@ def live_page(
     :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0; for a name that the page has not.
     :raises BuildError: if there is no compiler for WebAssembly, or it fails.
     """
-    moves: dict[tuple[str, str], Any] = {}
-    if isinstance(subject, System):
-        document, title, text = subject.document.filled(), subject.name, ""
-    else:
-        operators = {name: value for name, value in (starts or {}).items() if isinstance(value, OperatorFmu)}
-        own = {name: value for name, value in (starts or {}).items() if name not in operators}
-        document, root = SystemDocument.of_fmu(subject, own), read_description(subject).root
-        if operators:
-            system = System.from_document(document)
-            system.prescribe(document.name, operators)
-            document, moves = with_page_motions(system.document.as_single())
-        title, text = root["modelName"], root.get("description", "")
+    document, moves, title, text = _document_and_heading(subject, starts or {})
     for part in document.parts.values():
         part.fmu.require_file("a live page")
     ordered = [name for group in document.graph.strong_components for name in group]
@@ -79,13 +68,7 @@ def live_page(
         for i, (prefix, part) in enumerate(scene.parts.items())
     ]
     index_of = {name: i for i, name in enumerate(parts)}
-    stops = [part.fmu.experiment.stop_time for part in parts.values()]
-    speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
-    step = speed / (2 * _FRAMES)
-    for part in parts.values():
-        if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
-            period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
-            step = period / math.ceil(period / step)
+    speed, step = _speed_and_step_size(parts.values())
     signals = [
         name
         for component, part in zip(components, parts.values(), strict=True)
@@ -109,6 +92,37 @@ def live_page(
         "question": question,
     }
     return inlined_page("page.html", _MODULES, title or "", text, plan)
+
+
+def _document_and_heading(
+    subject: Path | System, starts: Mapping[str, object]
+) -> tuple[SystemDocument, dict[tuple[str, str], Any], str, str]:
+    """System of a page, motions that the page computes by part and input, and title and text above the picture.
+
+    :param starts: values of an FMU at the start, or operators.
+    """
+    if isinstance(subject, System):
+        return subject.document.filled(), {}, subject.name, ""
+    operators = {name: value for name, value in starts.items() if isinstance(value, OperatorFmu)}
+    own = {name: value for name, value in starts.items() if name not in operators}
+    document, root, moves = SystemDocument.of_fmu(subject, own), read_description(subject).root, {}
+    if operators:
+        system = System.from_document(document)
+        system.prescribe(document.name, operators)
+        document, moves = with_page_motions(system.document.as_single())
+    return document, moves, root["modelName"], root.get("description", "")
+
+
+def _speed_and_step_size(parts: Collection[SystemComponent]) -> tuple[float, float]:
+    """Seconds of motion a second, by the longest default experiment; and a step of which samples are multiples [s]."""
+    stops = [part.fmu.experiment.stop_time for part in parts]
+    speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
+    step = speed / (2 * _FRAMES)
+    for part in parts:
+        if part.fmu.next_event_variable and "period" in part.fmu.variables:  # its samples are communication points
+            period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
+            step = period / math.ceil(period / step)
+    return speed, step
 
 
 def _checked_names(

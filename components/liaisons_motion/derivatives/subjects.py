@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -19,7 +19,7 @@ from liaisons.library import Target, component
 from liaisons.mechanics import Model
 from liaisons_motion.derivatives.functions import motion_functions
 from liaisons_motion.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, check_domain, recorded_times
-from liaisons_motion.right_hand_sides import DEGREE, continuous_model
+from liaisons_motion.right_hand_sides import DEGREE, ContinuousModel, continuous_model
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -61,67 +61,94 @@ def motion_of(
     :raises ComponentError: for an unknown name, with the nearest one.
     :raises SimulationError: for a bad number, or a system that cannot be flattened.
     """
-    try:
-        remedy = "give its class or .fmu file, whose runs are differentiated"
-        task = "a motion with exact derivatives"
-        continuous = continuous_model(subject, task, remedy, allow_contacts=True, allow_fmus=True)
-    except (SimulationError, ComponentError):
-        foreign = _subject_of_runs(subject)
-        if foreign is None:
-            raise
+    found = _continuous_model_or_runs(subject)
+    if not isinstance(found, ContinuousModel):
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
-        points = recorded_times(times, start_time)
-        return _motion_of_runs(foreign, by, points, operators, tolerance=tolerance, **options)
-    moved = continuous.moved_by(operators)
-    model, moving = moved.model, moved.moving
+        return _motion_of_runs(found, by, recorded_times(times, start_time), operators, tolerance=tolerance, **options)
+    moved = found.moved_by(operators)
     driven = name_dictionary("inputs", inputs or {})
     check_finite("start_time", start_time)
     check_positive("tolerance", tolerance)
-    variables = moved.variables
-    _refuse_inputs(model, driven, moving)
-    hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
-    variables = {name: variable for name, variable in variables.items() if name not in hidden}
+    _refuse_inputs(moved.model, driven, moved.moving)
+    variables = _variables_at_rest(moved, driven)
     given = {**moved.starts, **name_dictionary("start_values", start_values or {})}
-    values = _values_by_element(model, given, variables)
-    names = dict.fromkeys(
-        element for name in name_list("by", by) for element in _variable_names(model, name, variables)
-    )
-    shared = [name for name in values if name not in names]
+    values = _values_by_element(moved.model, given, variables)
+    names = (element for name in name_list("by", by) for element in _variable_names(moved.model, name, variables))
+    own = {name: variables[name] for name in names}
+    times = recorded_times(times, start_time)
+    options = {"times": times, "start_time": float(start_time), "tolerance": tolerance}
+    return _motion_of_equations(moved, own, values, driven, record, **options)
 
-    outputs = {variable.name: variable for variable in model.outputs}
-    signals = moved.coordinates_and_momenta
-    if record is not None:
-        signals = [element for name in name_list("record", record) for element in _element_names(name, outputs)]
+
+def _continuous_model_or_runs(subject: Subject) -> ContinuousModel | System | Path:
+    """Model whose equations are differentiated, or the system or FMU whose runs are, for lack of these."""
+    task, remedy = "a motion with exact derivatives", "give its class or .fmu file, whose runs are differentiated"
+    try:
+        return continuous_model(subject, task, remedy, allow_contacts=True, allow_fmus=True)
+    except (SimulationError, ComponentError):
+        runs = _subject_of_runs(subject)
+        if runs is None:
+            raise
+        return runs
+
+
+def _variables_at_rest(moved: ContinuousModel, driven: Collection[str]) -> dict[str, Variable]:
+    """Variables that can be set, by name, without inputs that are driven and the rates of active coordinates."""
+    moving = {x for a in moved.model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)}
+    return {name: variable for name, variable in moved.variables.items() if name not in moving | {*driven}}
+
+
+def _recorded_signals(moved: ContinuousModel, record: str | Iterable[str] | None) -> list[str]:
+    """Names of the scalar outputs to be recorded; coordinates and momenta if None."""
+    if record is None:
+        return moved.coordinates_and_momenta
+    outputs = [variable.name for variable in moved.model.outputs]
+    return [element for name in name_list("record", record) for element in _element_names(name, outputs)]
+
+
+def _motion_of_equations(
+    moved: ContinuousModel,
+    own: Mapping[str, Variable],
+    values: Mapping[str, float],
+    driven: Mapping[str, PPoly],
+    record: str | Iterable[str] | None,
+    **options: Any,
+) -> DifferentiableMotion | ContactMotion:
+    """Motion of a model as a function of its own variables.
+
+    :param values: of these and others, where they differ from the declared ones.
+    :param options: times, start time and tolerance.
+    """
+    model, signals = moved.model, _recorded_signals(moved, record)
+    shared = {name: value for name, value in values.items() if name not in own}
     functions = motion_functions(
         model,
-        moving=tuple(moving.items()),
-        names=tuple(names),
+        moving=tuple(moved.moving.items()),
+        names=tuple(own),
         shared=tuple(shared),
         record=tuple(signals),
         driven=tuple(driven),
     )
-    breaks, table, jumps = _table([values[name] for name in shared], driven, start_time)
-    own = {name: variables[name] for name in names}
-    described = own | {name: outputs[name] for name in signals}
+    breaks, table, jumps = _table([*shared.values()], driven, options["start_time"])
+    outputs = {variable.name: variable for variable in model.outputs}
+    described = {**own, **{name: outputs[name] for name in signals}}
     motion = DifferentiableMotion(
         model.name,
         functions,
         own,
         np.array([values.get(name, variable.starts[0]) for name, variable in own.items()]),
-        recorded_times(times, start_time),
-        start_time=float(start_time),
         table=table,
         breaks=breaks,
         jumps=jumps,
         signals=tuple(signals),
         units={name: variable.unit for name, variable in described.items()},
-        tolerance=tolerance,
+        **options,
     )
     if functions.contacts is None:
         return motion
     from liaisons_motion.derivatives.contact_motion import with_contacts
 
-    return with_contacts(motion, shared, tuple(driven))
+    return with_contacts(motion, tuple(shared), tuple(driven))
 
 
 def _motion_of_runs(

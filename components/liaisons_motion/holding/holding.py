@@ -226,15 +226,8 @@ def _hold_at_rest(
             "that falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
-        fixed = np.eye(len(A))[:, constant]
-        U = np.hstack([fixed, image_basis(U - fixed @ (fixed.T @ U))])
-        is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
-        free = [sampled.states.index(name) for name in sampled.free]
-        offsets, missed = rest_offsets(A, D[free], V, U)
-        for j in range(U.shape[1]):
-            if not is_bounded or (j >= len(constant) and missed[j] > RANK):
-                raise _uncontrollable_error(sampled, D, U[:, j])
-        K -= K @ V @ offsets @ U.T
+        offsets, beyond = _offsets_at_rest(sampled, D, A, (V, U), constant)
+        K -= K @ V @ offsets @ beyond.T
     _refuse_bounds(sampled, bounds, sigma)
     return _controller(
         sampled,
@@ -249,6 +242,27 @@ def _hold_at_rest(
         returns=True,
         cost=None if U.size else (B, Q, R),
     )
+
+
+def _offsets_at_rest(
+    sampled: SampledMechanism, D: Floats, A: Floats, subspaces: tuple[Floats, Floats], constant: list[int]
+) -> tuple[Floats, Floats]:
+    """Offsets of the reachable directions where the others stay off, and a basis of these, the constant ones first.
+
+    :param D: directions; ``A``: transition of a step in these; ``constant``: indices of directions that stay.
+    :param subspaces: bases of what is reachable, and of the rest.
+    :raises PlanError: if what is not reachable grows, or moves a held coordinate.
+    """
+    V, U = subspaces
+    fixed = np.eye(len(A))[:, constant]
+    U = np.hstack([fixed, image_basis(U - fixed @ (fixed.T @ U))])
+    is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
+    free = [sampled.states.index(name) for name in sampled.free]
+    offsets, missed = rest_offsets(A, D[free], V, U)
+    for j in range(U.shape[1]):
+        if not is_bounded or (j >= len(constant) and missed[j] > RANK):
+            raise _uncontrollable_error(sampled, D, U[:, j])
+    return offsets, U
 
 
 # ---- a plan -------------------------------------------------------------------------------------------------------
@@ -271,30 +285,11 @@ def _hold_along(
     D = [sampled.directions(*point) for point in trajectory.states_and_motion]
     steps, costs = in_directions(steps, D), [(one.T * weights) @ one for one in D]
     R = effort * np.eye(len(sampled.driven))
-    transition, inputs = transition_matrix(steps), controllability_matrix(steps)
-    after = np.zeros((len(R), D[-1].shape[1]))
-    if trajectory.after == "rests":
-        y = trajectory.states[: len(sampled.names), -1]
-        planned = trajectory.motion[:, :, [-1, -1]]
-        _, at_rest = sampled.steps(np.array([0.0, step_size]), planned, step_size, y)
-        at_rest = in_directions(at_rest, [D[-1], D[-1]])
-        ((A, B),) = at_rest
-        V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
-        _refuse_uncontrolled_growth(sampled, D[-1], U, A)
-        end = periodic_riccati(at_rest, costs[-1:], R)
-        after = end and end[0][0]
-        solution = end and riccati_recursion(steps, costs[:-1], R, end[1])
-    elif returns:
-        V, U = reachable_subspace(transition - np.eye(len(transition)), inputs)
-        _refuse_uncontrolled_growth(sampled, D[-1], U, transition)
-        solution = periodic_riccati(steps, costs[:-1], R)
-    else:
-        V, U = reachable_subspace(np.zeros_like(transition), inputs)
-        solution = riccati_recursion(steps, costs[:-1], R, costs[-1])
-    if solution is None or after is None:
-        raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
-    gains, constant = [*solution[0], after], _constant_directions(steps)
-    fixed = np.eye(len(transition))[:, constant]
+    (V, U), gains = _feedback_along(
+        sampled, trajectory, steps, costs, R=R, D=D[-1], step_size=step_size, returns=returns
+    )
+    constant = _constant_directions(steps)
+    fixed = np.eye(len(U))[:, constant]
     conserved = _states_along(sampled, D[0], constant)
     conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in image_basis(U - fixed @ (fixed.T @ U)).T)
     _refuse_bounds(sampled, bounds)
@@ -315,6 +310,49 @@ def _hold_along(
     )
 
 
+def _feedback_along(
+    sampled: SampledMechanism,
+    trajectory: ReferenceTrajectory,
+    steps: list[Step],
+    costs: list[Floats],
+    *,
+    R: Floats,
+    D: Floats,
+    step_size: float,
+    returns: bool,
+) -> tuple[tuple[Floats, Floats], list[Floats]]:
+    """Bases of what is reachable and of the rest, and gains of each step and after the last, by Riccati's recursion.
+
+    After the plan the mechanism rests, or the plan is repeated, or nothing is controlled any more.
+
+    :param steps: in directions; ``costs``: of deviations; ``R``: of controls; ``D``: directions at the end.
+    :raises PlanError: if a growing deviation is not controllable, or the gains do not converge.
+    """
+    transition, inputs = transition_matrix(steps), controllability_matrix(steps)
+    after = np.zeros((len(R), D.shape[1]))
+    if trajectory.after == "rests":
+        y = trajectory.states[: len(sampled.names), -1]
+        planned = trajectory.motion[:, :, [-1, -1]]
+        _, at_rest = sampled.steps(np.array([0.0, step_size]), planned, step_size, y)
+        at_rest = in_directions(at_rest, [D, D])
+        ((A, B),) = at_rest
+        V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
+        _refuse_uncontrolled_growth(sampled, D, U, A)
+        end = periodic_riccati(at_rest, costs[-1:], R)
+        after = end and end[0][0]
+        solution = end and riccati_recursion(steps, costs[:-1], R, end[1])
+    elif returns:
+        V, U = reachable_subspace(transition - np.eye(len(transition)), inputs)
+        _refuse_uncontrolled_growth(sampled, D, U, transition)
+        solution = periodic_riccati(steps, costs[:-1], R)
+    else:
+        V, U = reachable_subspace(np.zeros_like(transition), inputs)
+        solution = riccati_recursion(steps, costs[:-1], R, costs[-1])
+    if solution is None or after is None:
+        raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
+    return (V, U), [*solution[0], after]
+
+
 def _reference_trajectory(
     motion: Plan, sampled: SampledMechanism, step_size: float
 ) -> tuple[ReferenceTrajectory, list[Step], bool]:
@@ -328,15 +366,7 @@ def _reference_trajectory(
     if T / step_size > _MOST_STEPS:
         words = f"more than {_MOST_STEPS} steps; give a longer one"
         raise PlanError(f"{sampled.name}: step_size = {step_size:g} over {T:g} s: {words}")
-    instant = max(motion.jump_lead, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
-    if sampled.interpolates_forces:
-        instant = 10 * CLOCK_ERROR * step_size  # and regulators of forces two samples
-    parts = []
-    for begin, end in pairwise([0.0, *motion.switches, T]):
-        count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
-        parts.append(np.linspace(begin, end, count, endpoint=False))
-    before_jumps = motion.switches[: len(motion.switches) * bool(moves)] - instant  # forces jump at a sample
-    times = np.unique(np.concatenate([*parts, before_jumps, [T]]))
+    times, instant = _communication_points(motion, sampled, step_size)
     planned = planned_motion(motion, times)
     reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     gap = np.abs(reference[:, -1] - reference[:, 0])
@@ -372,6 +402,20 @@ def _reference_trajectory(
         reference, steps = _corrected_steps(motion, sampled, times, planned, step_size)
     returns = all(name.endswith(Orientation.quaternion) for name in open_states)
     return ReferenceTrajectory(times, planned, reference, after), steps, returns
+
+
+def _communication_points(motion: Plan, sampled: SampledMechanism, step_size: float) -> tuple[Floats, float]:
+    """Equal steps between the switches of a plan, with points just before jumps; and how long before [s]."""
+    T = motion.duration
+    instant = max(motion.jump_lead, 3 * time_rounding(T))  # so far apart a run distinguishes two instants
+    if sampled.interpolates_forces:
+        instant = 10 * CLOCK_ERROR * step_size  # and regulators of forces two samples
+    parts = []
+    for begin, end in pairwise([0.0, *motion.switches, T]):
+        count = max(1, int(np.ceil((end - begin) / step_size - 1e-9)))
+        parts.append(np.linspace(begin, end, count, endpoint=False))
+    before_jumps = motion.switches[: len(motion.switches) * bool(motion.goal.moves)] - instant  # forces: at a sample
+    return np.unique(np.concatenate([*parts, before_jumps, [T]])), instant
 
 
 def _corrected_steps(

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -187,6 +188,53 @@ def problem_in_all_states(symbols: GoalSymbols, rows: GoalRows) -> Problem:
     return _problem_in_states(symbols, rows, 2, _closed_states(symbols, {state.name for state in states}), states)
 
 
+@dataclass(frozen=True, eq=False)
+class _Functions:
+    """Functions of state and controls, where the states that are constant have their initial values.
+
+    :param fixed: symbols of those, and of derivatives of σ above the control; ``values``: theirs.
+    """
+
+    symbols: GoalSymbols
+    X: ca.SX
+    U: ca.SX
+    fixed: ca.SX
+    values: ca.SX
+
+    @classmethod
+    def in_states(
+        cls, symbols: GoalSymbols, order: int, states: list[StateCandidate], initial: Mapping[str, float]
+    ) -> Self:
+        """Functions of some of the states; the others are constant.
+
+        :param initial: values of all states.
+        """
+        moved, names = len(symbols.goal.moves), {state.name for state in states}
+        constants = [state for state in candidate_states(symbols, order) if state.name not in names]
+        X = ca.vertcat(*(state.symbol for state in states))
+        U = stack(symbols.motion[order if i < moved else 0][i] for i in range(len(symbols.goal.driven)))
+        absent = stack(motion[i] for motion in symbols.motion[order + 1 :] for i in range(moved))
+        fixed = ca.vertcat(absent, *(state.symbol for state in constants))
+        values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
+        return cls(symbols, X, U, fixed, values)
+
+    def with_constants(self, expression: ca.SX) -> ca.SX:
+        """An expression with the initial values of the states that are constant."""
+        return ca.cse(ca.densify(ca.substitute(ca.SX(expression), self.fixed, self.values)))
+
+    def of(self, label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
+        """Function of the arguments, of state and controls unless given."""
+        return ca.Function(label, arguments or [self.X, self.U], [self.with_constants(expression)])
+
+    def of_rows(self, label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
+        """One function of the rows among the candidates that a plan can change."""
+        with_constants = self.with_constants
+        chosen = [r for r in candidates if _can_change(self.symbols, r, with_constants(r.expression), arguments, label)]
+        low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
+        rows = self.of(label, stack(row.expression for row in chosen), *arguments)
+        return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
+
+
 def _problem_in_states(
     symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[StateCandidate]
 ) -> Problem:
@@ -194,34 +242,12 @@ def _problem_in_states(
 
     :param order: of control; ``closed``: names of the states that end as they start.
     """
-    goal, candidates = symbols.goal, candidate_states(symbols, order)
-    initial = initial_values(symbols, candidates, rows.start)
-    names = tuple(state.name for state in states)
-    constants = [state for state in candidates if state.name not in names]
-    moved = len(goal.moves)
-    X = ca.vertcat(*(state.symbol for state in states))
-    U = stack(symbols.motion[order if i < moved else 0][i] for i in range(len(goal.driven)))
-    absent = stack(motion[i] for motion in symbols.motion[order + 1 :] for i in range(moved))
-    fixed = ca.vertcat(absent, *(state.symbol for state in constants))
-    values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
+    goal, moved = symbols.goal, len(symbols.goal.moves)
+    initial = initial_values(symbols, candidate_states(symbols, order), rows.start)
+    functions = _Functions.in_states(symbols, order, states, initial)
     controls = (*(port_names(move)[order] for move in goal.moves), *goal.controls)
-
-    def with_constants(expression: ca.SX) -> ca.SX:
-        """An expression with the initial values of the states that are constant."""
-        return ca.cse(ca.densify(ca.substitute(ca.SX(expression), fixed, values)))
-
-    def function(label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
-        """Function of the arguments, of state and controls unless given."""
-        return ca.Function(label, arguments or [X, U], [with_constants(expression)])
-
-    def rows_function(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
-        """One function of the rows among the candidates that a plan can change."""
-        chosen = [r for r in candidates if _can_change(symbols, r, with_constants(r.expression), arguments, label)]
-        low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
-        rows = function(label, stack(row.expression for row in chosen), *arguments)
-        return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
-
-    path = rows_function("path", rows.path, X, U)
+    X, U, names = functions.X, functions.U, tuple(state.name for state in states)
+    path = functions.of_rows("path", rows.path, X, U)
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
         raise PlanError(f"{symbols.name}: minimize = 'time' would take none: bound {', '.join(controls)}, or forces")
     _refuse_ends_of_controls(symbols, rows, U, controls)
@@ -237,17 +263,17 @@ def _problem_in_states(
         initial_state=np.array([*initial.values()]),
         terminal_state=_terminal_state(symbols, initial, rows.end),
         initial_sigma=symbols.initial_sigma[:moved],
-        rates=function("rates", ca.vertcat(*(state.rate for state in states))),
-        cost=function("cost", rows.cost),
+        rates=functions.of("rates", ca.vertcat(*(state.rate for state in states))),
+        cost=functions.of("cost", rows.cost),
         path=path,
-        start=rows_function("start", rows.start, X),
-        end=rows_function("end", rows.end, X),
+        start=functions.of_rows("start", rows.start, X),
+        end=functions.of_rows("end", rows.end, X),
         closed=tuple(names.index(name) for name in closed if name in names),
         duration=goal.duration,
         constrained=any(getattr(symbols.component, kind, ()) for kind in constraints),
-        mass=function("mass", symbols.mass),
+        mass=functions.of("mass", symbols.mass),
         start_names=tuple(symbols.start_parameters.values()),
-        start_values=function("start_values", stack(symbols.signals[name] for name in symbols.start_parameters)),
+        start_values=functions.of("start_values", stack(symbols.signals[name] for name in symbols.start_parameters)),
         scales=Scales(
             states=np.array([state.size for state in states]),
             controls=np.append(symbols.motion_sizes[order][:moved], symbols.motion_sizes[0][moved:]),

@@ -12,7 +12,7 @@ there the state jumps between arcs, by impulses that are unknowns, too.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -418,24 +418,10 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         opti.set_initial(unknown, first)
     for k, first in enumerate(later):
         opti.set_initial(after[:, k], guess.inner[:, first : first + DEGREE] @ TO_POWERS[0])
-    low, high = problem.duration
-    if low == high and len(arcs) == 1:
-        durations = ca.MX(ca.DM(low))
-    else:
-        total = float(guess.durations.sum())
-        durations = opti.variable(1, len(arcs))
-        opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
+    durations = _durations(opti, problem, guess)
     lengths = [ca.repmat(durations[i] / arc.intervals, 1, arc.intervals * DEGREE) for i, arc in enumerate(arcs)]
     h = ca.horzcat(*lengths)  # of the interval of each point
-    running, rates = (
-        ca.horzcat(
-            *(
-                getattr(phase, name).map(inside.stop - inside.start)(inner[:, inside], controls[:, inside])
-                for phase, inside in parts
-            )
-        )
-        for name in ("cost", "rates")
-    )
+    running, rates = (_at_points(name, parts, inner, controls) for name in ("cost", "rates"))
     begin = ca.MX(knots[:, :-1])
     for k, first in enumerate(later):
         begin[:, first // DEGREE] = after[:, k]
@@ -453,6 +439,26 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         impulses=impulses,
         residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
         cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
+    )
+
+
+def _durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory) -> ca.MX:
+    """Durations of the arcs (1, arcs), which are unknown unless there is one whose duration is given."""
+    (low, high), count = problem.duration, len(guess.arcs)
+    if low == high and count == 1:
+        return ca.MX(ca.DM(low))
+    total, durations = float(guess.durations.sum()), opti.variable(1, count)
+    opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
+    return durations
+
+
+def _at_points(name: str, parts: Iterable[tuple[Problem, slice]], states: ca.MX, controls: ca.MX) -> ca.MX:
+    """Values of a function of each phase at its points, by the name of the function; a column a point."""
+    return ca.horzcat(
+        *(
+            getattr(phase, name).map(inside.stop - inside.start)(states[:, inside], controls[:, inside])
+            for phase, inside in parts
+        )
     )
 
 
