@@ -223,6 +223,11 @@ class Equations:
         free = self.mechanism.free
         return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.constraint_stabilization)
 
+    @cached_property
+    def model_rates(self) -> ca.SX:
+        """Rates of all states of the model: (q, p), internal states, work, dissipated energy."""
+        return ca.vertcat(self.state_rates, self.internal_rates, self.power, self.dissipation)
+
     @property
     def energy(self) -> ca.SX:
         """Energy E = T + V (K eq. 31)."""

@@ -46,14 +46,11 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     vectors = _vectors(m, flat, symbols)
     lasting, at_start = _conditions(equations), _start_conditions(equations)
     contact_numbers = method.numbers(m) if method else {}
-    rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
-    read = _output_expressions(equations, flat, rates, contact_numbers)
-    start, energy_at_start = _initial_state(equations, symbols)
+    read = _output_expressions(equations, flat, contact_numbers)
     reaches, reach = _reaches(equations)
     expressions = {
-        "start": start,
-        "energy_at_start": energy_at_start,
-        "rates": rates,
+        **_initial_state(equations, symbols),
+        "rates": equations.model_rates,
         "energy": equations.energy,
         "outputs": stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs),  # 0: the energy balance, filled in below
         "nominals": _nominal_states(equations),
@@ -75,9 +72,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     )
     return Model(
         **declared_fields(m),
-        **_with_redundancy(equations, vectors, flat, functions, columns["independence"]),
+        **_with_redundancy(equations, vectors, flat, functions, columns["independence"], reaches=reaches),
         start_only=len(at_start),
-        reaches=reaches,
         configuration=tuple(m.motion_names("quaternion")),
         equations=_printed(equations),
         picture=drawing.document,
@@ -136,8 +132,10 @@ def _with_redundancy(
     layout: Layout,
     functions: Mapping[str, Any],
     independence: ca.SX,
+    *,
+    reaches: tuple[Reach, ...],
 ) -> dict[str, Any]:
-    """Functions of the model, and how many of its constraints follow from the others: arguments of Model.
+    """Functions of the model, its constraints, and how many of these follow from the others: arguments of Model.
 
     :param independence: of each constraint from the others (c,).
     """
@@ -147,7 +145,8 @@ def _with_redundancy(
     margin = _least(ca.vertsplit(independence), redundant)
     return {
         **functions,
-        **({"reach": _loosened(functions["reach"], independence.shape[0])} if redundant else {}),
+        **({"reach": _loosened(functions["reach"], len(reaches))} if redundant else {}),
+        "reaches": reaches,
         "redundant": redundant,
         "margin": None if margin.is_constant() else ca.Function("margin", point, [margin]),
     }
@@ -203,22 +202,20 @@ def _count_redundant(
     return count - max(ranks, default=count)
 
 
-def _output_expressions(
-    equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]
-) -> dict[str, ca.SX]:
+def _output_expressions(equations: Equations, layout: Layout, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
     """Expressions of the output variables by name, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
     forces = equations.operator_forces, m.active.s_dot
     points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
     energies = equations.kinetic_energy, equations.potential_energy
-    outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
+    outputs = mechanical_outputs(m, layout, equations.model_rates, forces=forces, points=points, energies=energies)
     outputs |= contact_outputs(m, numbers["gap"], numbers["v"]) if numbers else {}
     outputs |= {f"{item.name}_residual": residuals[i] for i, item in enumerate(m.all_constraints)}
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 
 
-def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
-    """Column of the states at the start; and the energy there, (1,) or (0,) for not.
+def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> dict[str, ca.SX]:
+    """Column of the states at the start, ``start``; and the energy there, ``energy_at_start``, (1,) or (0,) for not.
 
     Momenta are ∂L/∂q̇, or as set for an orientation; the energy is that of a linkage without constraints.
     """
@@ -239,7 +236,7 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[ca.
     state = ca.vertcat(m.free.q, m.free.p, equations.given_rates)
     at_start = ca.vertcat(start(m.free.q), p_0, _given_rates(m, symbols))
     momenta = ca.substitute(equations.start_momenta, state, at_start)
-    return ca.vertcat(start(m.free.q), momenta, start(m.internal), 0, 0), energy
+    return {"start": ca.vertcat(start(m.free.q), momenta, start(m.internal), 0, 0), "energy_at_start": energy}
 
 
 def _given_rates(m: Mechanism, symbols: dict[str, ca.SX]) -> ca.SX:

@@ -209,11 +209,8 @@ class ContactMotion(SteppedMotion):
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
         memory = np.zeros(contacts.remembered)
         memory[contacts.count + contacts.gaps :] = self.start_time
-        records, shared, legs = (
-            np.empty((len(self.times), f.states)),
-            self.table[self._table_rows(self.times)],
-            list[_Leg](),
-        )
+        records, shared = np.empty((len(self.times), f.states)), self.table[self._table_rows(self.times)]
+        legs: list[_Leg] = []
         size, room, instants = np.array([self.times[-1] - self.start_time]), STAGE_NUMBERS, self.times.copy()
         numbers = (METHOD.stages + 1) * f.states
         most = max(1, CHUNK_NUMBERS // numbers)
@@ -229,9 +226,8 @@ class ContactMotion(SteppedMotion):
             )
             if np.isfinite(short_at):
                 table = np.broadcast_to(whole.shared[-1], self.table.shape)
-                self._refuse_stuck(
-                    replace(segment, table=table), k, y, np.array([short_at]), np.empty(0, dtype=np.int_)
-                )
+                stuck = replace(segment, table=table)
+                self._refuse_stuck(stuck, k, y, np.array([short_at]), np.empty(0, dtype=np.int_))
             for begin in range(0, len(whole), most):
                 entries, start = whole.part(slice(begin, begin + most)), first
                 room -= len(entries) * numbers

@@ -90,6 +90,12 @@ class EstimationModel:
             ca.Function(name, [x, end], [results, ca.densify(ca.jacobian(results, x))])
             for name, results in (("measure", readings), ("project", landed))
         )
+        self.predict = self._prediction(x, w, rates, begin, end)
+        self.correct = self._correction(x, end)
+
+    def _prediction(self, x: ca.SX, w: ca.SX, rates: ca.SX, begin: ca.SX, end: ca.SX) -> ca.Function:
+        """Function ``predict``: x after a period by steps of Runge and Kutta, F = ∂x'/∂x, and G Gᵀ with G = ∂x'/∂w."""
+        sampled, period = self.sampled, self.period
         part, inputs = ca.SX.sym("part"), ca.vertcat(w, ca.vec(begin), ca.vec(end))
         motion = sampled.reconstructed_motion(begin, end, period, part)
         slopes = ca.vertcat(ca.substitute(rates, end, motion), 1 / period)
@@ -99,9 +105,11 @@ class EstimationModel:
         derivatives = after, ca.jacobian(after, x), ca.jacobian(after, w)
         predicted, F, G = (ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in derivatives)
         covariance = G @ G.T + ca.diag(ca.DM(self.drift**2))
-        results = [*map(ca.densify, (predicted, F, covariance))]
-        self.predict = ca.Function("predict", [x, begin, end], results)
-        P = ca.SX.sym("P", n + more, n + more)
+        return ca.Function("predict", [x, begin, end], [*map(ca.densify, (predicted, F, covariance))])
+
+    def _correction(self, x: ca.SX, end: ca.SX) -> ca.Function:
+        """Function ``correct``: x and P after a measurement, with the gain Kᵀ = S⁻¹ C P of S = C P Cᵀ + 1."""
+        P = ca.SX.sym("P", x.numel(), x.numel())
         expected, C = self.measure(x, end)
         y = ca.SX.sym("y", expected.numel())
         root = ca.chol(C @ P @ C.T + ca.SX.eye(y.numel())).T
@@ -109,7 +117,7 @@ class EstimationModel:
         corrected, T = self.project(x + gain.T @ innovations, end)
         remaining = T @ (P - gain.T @ gain) @ T.T
         results = [corrected, remaining, innovations, ca.solve(root.T, gain).T]
-        self.correct = ca.Function("correct", [x, P, end, y], results)
+        return ca.Function("correct", [x, P, end, y], results)
 
     def _rates_and_readings(self, x: ca.SX, w: ca.SX, sigma: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Rates of x, projected states of the mechanism, and readings divided by their noise.

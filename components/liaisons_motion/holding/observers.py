@@ -26,6 +26,7 @@ from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, S
 from liaisons.library import Target
 from liaisons_catalogue.knotted_motion import KNOTS
 from liaisons_motion.holding.filtering import EstimationModel, Uncertainty, identifier
+from liaisons_motion.holding.sampling import SampledMechanism
 from liaisons_motion.holding.subjects import planned_motion, sampled_subject
 from liaisons_motion.planning import Plan
 
@@ -86,29 +87,8 @@ def observe(
     sampled, H = sampled_subject("observe", motion, at, moves, controls, step_size, values)
     if not sampled.names:
         raise PlanError(f"{sampled.name} has no state that {', '.join(sampled.driven)} move: nothing is to be observed")
-    names, quaternions = [*sampled.symbols.signals], sampled.symbols.quaternions
-
-    def deviations_by_scalar(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
-        """Standard deviations by the names of scalars, from names of scalars, arrays and orientations."""
-        scalars: dict[str, float] = {}
-        for name, value in name_dictionary(f"observe: {label}", {} if values is None else values, PlanError).items():
-            check_positive(f"{sampled.name}: {label} of {name}", value, PlanError)
-            scalars |= sampled.symbols.values_by_element(
-                label, dict.fromkeys(quaternions.get(name, [name]), value), names
-            )
-        return scalars
-
-    chosen = deviations_by_scalar("measured", dict.fromkeys(name_list("measured", measured, PlanError), 1))
-    noises, biases = deviations_by_scalar("noise", noise), deviations_by_scalar("bias", bias)
-    if chosen.keys() != noises.keys() or not biases.keys() <= chosen.keys() or not chosen:
-        texts = (", ".join(group) or "nothing" for group in (chosen, noises, biases))
-        words = "measured is {}, noise is that of {}, bias that of {}".format(*texts)
-        raise PlanError(f"{sampled.name}: {words}: name outputs, and a noise for each")
-    pushes, forces = (
-        deviations_by_scalar("disturbance", disturbance),
-        deviations_by_scalar("unknown_forces", unknown_forces),
-    )
-    uncertainty = Uncertainty(noises, pushes, biases, forces, deviations_by_scalar("deviations", deviations))
+    groups = {"bias": bias, "disturbance": disturbance, "unknown_forces": unknown_forces, "deviations": deviations}
+    uncertainty = _checked_uncertainty(sampled, name_list("measured", measured, PlanError), noise, groups)
     model = EstimationModel(sampled, uncertainty, H)
     if not isinstance(motion, Plan):
         if deviations:
@@ -119,7 +99,48 @@ def observe(
     if motion.problem.control_order < 2 and motion.switches.size:
         words = "an observer reads σ at samples, between which it must not jump"
         raise PlanError(f"{sampled.name}: the plan jumps at {motion.switches[0]:g} s; {words}")
-    samples = np.arange(round(motion.duration / H) + 1) * H
+    _refuse_unobservable_along(model, motion)
+    return Observer(model, model.start_covariance(), motion)
+
+
+def _checked_uncertainty(
+    sampled: SampledMechanism,
+    measured: Sequence[str],
+    noise: Mapping[str, float],
+    groups: Mapping[str, Mapping[str, float] | None],
+) -> Uncertainty:
+    """Standard deviations by the names of scalars, from names of scalars, arrays and orientations.
+
+    :param groups: those of bias, disturbance, unknown forces and deviations at the start, by the name of the setting.
+    :raises PlanError: for an unknown name, a number that is not greater than 0, or what is measured without noise.
+    """
+    names, quaternions = [*sampled.symbols.signals], sampled.symbols.quaternions
+
+    def by_scalar(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
+        scalars: dict[str, float] = {}
+        for name, value in name_dictionary(f"observe: {label}", {} if values is None else values, PlanError).items():
+            check_positive(f"{sampled.name}: {label} of {name}", value, PlanError)
+            scalars |= sampled.symbols.values_by_element(
+                label, dict.fromkeys(quaternions.get(name, [name]), value), names
+            )
+        return scalars
+
+    chosen, noises = by_scalar("measured", dict.fromkeys(measured, 1)), by_scalar("noise", noise)
+    biases = by_scalar("bias", groups["bias"])
+    if chosen.keys() != noises.keys() or not biases.keys() <= chosen.keys() or not chosen:
+        texts = (", ".join(group) or "nothing" for group in (chosen, noises, biases))
+        words = "measured is {}, noise is that of {}, bias that of {}".format(*texts)
+        raise PlanError(f"{sampled.name}: {words}: name outputs, and a noise for each")
+    pushes, forces = (by_scalar(label, groups[label]) for label in ("disturbance", "unknown_forces"))
+    return Uncertainty(noises, pushes, biases, forces, by_scalar("deviations", groups["deviations"]))
+
+
+def _refuse_unobservable_along(model: EstimationModel, motion: Plan) -> None:
+    """Raise a PlanError for a state at the start of a plan that no measurement along it tells.
+
+    It is observable if its changes change what is measured at the k-th sample, C_k F_{k-1} … F_0, somewhere.
+    """
+    samples = np.arange(round(motion.duration / model.period) + 1) * model.period
     path = planned_motion(motion, samples).transpose(2, 0, 1)
     x, rows = model.start, []
     D, passed = model.tangents(x, path[0]), np.eye(len(x))
@@ -128,7 +149,6 @@ def observe(
         x, F, _ = (np.array(result) for result in model.predict(x, begin, end))
         passed = F @ passed
     model.refuse_unobservable(np.vstack(rows), D)
-    return Observer(model, model.start_covariance(), motion)
 
 
 @final

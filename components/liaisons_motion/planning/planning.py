@@ -113,10 +113,8 @@ def plan(
             values=merged_start_values("plan", start_values, keywords, PlanError),
             phases=phases,
         )
-    check_integer("intervals", intervals, PlanError)
-    check_integer("loops", loops, PlanError)
-    if tries is not None:
-        check_integer("tries", tries, PlanError)
+    for name, number in {"intervals": intervals, "loops": loops, "tries": 1 if tries is None else tries}.items():
+        check_integer(name, number, PlanError)
     if accuracy is not None:
         check_finite("accuracy", accuracy, PlanError)
     check_finite("time_limit", time_limit, PlanError)

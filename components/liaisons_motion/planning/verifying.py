@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
@@ -192,58 +192,82 @@ def hamiltonian_scale(solution: Solution) -> float:
 
 def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clock) -> Iterator[Verdict]:
     """Verdicts on the costs on a finer mesh, and for displaced ends."""
-    trajectory = solution.trajectory
     second = finer()
     scale = max(MULTIPLIER_ERROR / HAMILTONIAN_VARIATION, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
     fine, coarse = (interval_count(each.trajectory.arcs) for each in (second, solution))
     text = f"a mesh of {fine} intervals costs the same as one of {coarse}"
     yield verdict(text, error=error, tolerance=1e-6, reason="relative")
+    yield from _end_verdicts(solution, scale, clock)
+
+
+@dataclass(frozen=True, eq=False)
+class _DisplacedEnds:
+    """Solutions whose end is displaced along a direction, by whole parts of a distance.
+
+    :param costs: of those that have been solved, by the number of parts; not-a-number where there is none.
+    """
+
+    solution: Solution
+    clock: Clock
+    distance: float
+    direction: Floats
+    costs: dict[int, float] = field(default_factory=dict, init=False)
+
+    def solve(self, parts: int) -> Solution:
+        """The solution with the end displaced by so many parts."""
+        shift = parts * self.distance * self.direction / np.linalg.norm(self.direction)
+        return solve(self.solution.problem, self.solution.trajectory, self.clock, is_near=True, shift=shift)
+
+    def cost(self, parts: int) -> float:
+        """Cost for the displaced end; not-a-number if it is not solved."""
+        if parts not in self.costs:
+            shifted = self.solve(parts)
+            self.costs[parts] = shifted.cost if shifted.succeeded else np.nan
+        return self.costs[parts]
+
+    @property
+    def slope(self) -> float:
+        """Slope of the cost from two ends, displaced to both sides."""
+        return (self.cost(1) - self.cost(-1)) / (2 * self.distance)
+
+    def one_sided_slope(self, parts: int) -> float:
+        """Slope of the cost from the end and two ends displaced to one side, by a parabola."""
+        far = 4 * self.cost(parts) - self.cost(2 * parts) - 3 * self.solution.cost
+        return far / (2 * self.distance * parts)
+
+
+def _end_verdicts(solution: Solution, scale: float, clock: Clock) -> Iterator[Verdict]:
+    """Verdict on the multipliers of the end: slopes of the cost for displaced ends; none where they vanish.
+
+    :param scale: of the cost.
+    """
     gradient = solution.end_multipliers
     size = float(np.linalg.norm(gradient))
-    if size > 0:
-        # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
-        by = _END_SHIFT * min(1.0, scale / size)
-
-        def displaced_solution(parts: int) -> Solution:
-            """The solution with the end displaced along the direction, by so many parts."""
-            shift = parts * by * direction / np.linalg.norm(direction)
-            return solve(solution.problem, trajectory, clock, is_near=True, shift=shift)
-
-        @cache
-        def cost(parts: int) -> float:
-            """Cost for the displaced end; not-a-number if it is not solved."""
-            shifted = displaced_solution(parts)
-            return shifted.cost if shifted.succeeded else np.nan
-
-        def one_sided(parts: int) -> float:
-            """Slope of the cost from the end and two ends displaced to one side, by a parabola."""
-            return (4 * cost(parts) - cost(2 * parts) - 3 * solution.cost) / (2 * by * parts)
-
-        direction = gradient
-        least = max(size, 1e-3 * scale)
-        kink = ", on one side: the cost of the end has a kink"
-        text, slope = "another end costs what the multipliers say, dJ/d(end)", (cost(1) - cost(-1)) / (2 * by)
-        if (
-            not abs(slope - size) <= _SLOPE_TOLERANCE * least
-        ):  # beyond one side no solution is near, or the slope jumps here
-            slopes = np.array([one_sided(parts) for parts in (1, -1, 2, -2)])
-            off = np.abs(slopes - size)
-            if np.isfinite(off).any():
-                slope = slopes[np.nanargmin(off)]
-            sides = [np.nanmax(off[i::2], initial=-np.inf) for i in (0, 1)]
-            if np.isfinite(sides).all() and max(sides) > _SLOPE_TOLERANCE * least:
-                text += kink
-        error = abs(slope - size)
-        if (
-            error > _SLOPE_TOLERANCE * least
-        ):  # of many optima the cheapest one for this end is another, with multipliers of its own
-            for _ in range(_DIRECTION_ITERATIONS):
-                direction = direction + gradient - displaced_solution(-1).end_multipliers
-            cost.cache_clear()
-            error = abs(one_sided(-1) - float(gradient @ direction) / float(np.linalg.norm(direction)))
-            text = text.removesuffix(kink) + kink
-        yield verdict(text, error=error / least, tolerance=_SLOPE_TOLERANCE, reason="relative")
+    if not size > 0:
+        return
+    # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
+    ends = _DisplacedEnds(solution, clock, _END_SHIFT * min(1.0, scale / size), gradient)
+    least = max(size, 1e-3 * scale)
+    kink = ", on one side: the cost of the end has a kink"
+    text, slope = "another end costs what the multipliers say, dJ/d(end)", ends.slope
+    if not abs(slope - size) <= _SLOPE_TOLERANCE * least:  # beyond one side no solution is near, or the slope jumps
+        slopes = np.array([ends.one_sided_slope(parts) for parts in (1, -1, 2, -2)])
+        off = np.abs(slopes - size)
+        if np.isfinite(off).any():
+            slope = slopes[np.nanargmin(off)]
+        sides = [np.nanmax(off[i::2], initial=-np.inf) for i in (0, 1)]
+        if np.isfinite(sides).all() and max(sides) > _SLOPE_TOLERANCE * least:
+            text += kink
+    error = abs(slope - size)
+    if error > _SLOPE_TOLERANCE * least:
+        # Of many optima the cheapest one for this end is another, with multipliers of its own.
+        for _ in range(_DIRECTION_ITERATIONS):
+            ends = replace(ends, direction=ends.direction + gradient - ends.solve(-1).end_multipliers)
+        direction = ends.direction
+        error = abs(ends.one_sided_slope(-1) - float(gradient @ direction) / float(np.linalg.norm(direction)))
+        text = text.removesuffix(kink) + kink
+    yield verdict(text, error=error / least, tolerance=_SLOPE_TOLERANCE, reason="relative")
 
 
 def _relative_violation(rows: Rows, values: Floats) -> float:
