@@ -11,8 +11,9 @@ _RIGHT = pi / 2
 class Arm(Linkage):
     """Arm whose six axes an operator turns; from its flange a load hangs on a spherical joint.
 
-    Axes by Denavit and Hartenberg: each lies in the frame of the one before, turned by a right angle or parallel.  At
-    rest the torques hold the weights, τ_i = z_i · Σ (o_i - c_k) × m_k g over all that axis i carries.
+    The axes follow the convention of Denavit and Hartenberg: each is given in the frame of the one before, and is
+    parallel or perpendicular to it.  At rest the torques hold the weights, τ_i = z_i · Σ (o_i - c_k) × m_k g, summed
+    over all bodies that axis i carries.
 
     Source: J. J. Craig, Introduction to Robotics, ch. 3 and 6.
     """

@@ -10,14 +10,14 @@ ROW = (0.0, *(1.0 + 0.1 * i for i in range(64)))
 
 
 class BallRow(Mechanism):
-    """Balls on a line, of which the first runs into two that touch.
+    """Balls on a line, the first of which runs into two that touch.
 
-    With the distance of neighbours as gaps, and their rates v before and v⁺ after the impact::
+    With the distances between neighbours as gaps, and the rates v before and v⁺ after the impact::
 
         gap_i = x_(i+1) - x_i - D >= 0,    v⁺ >= max(0, -e v),    Λ >= 0,    Λ·(v⁺ - max(0, -e v)) = 0
 
-    By this rule, Moreau's, the two that touch move on as one body.  Apart, however little, they are struck one after
-    the other, which for equal masses and e = 1 leaves all of the motion to the last.
+    By this rule of Moreau's, the two balls that touch move on as one body.  If there is a gap between them, however
+    small, they are struck one after the other; for equal masses and e = 1 the last ball then takes all of the motion.
 
     Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, in J. J. Moreau and
     P. D. Panagiotopoulos (eds.), Nonsmooth Mechanics and Applications, Springer, 1988.

@@ -17,7 +17,7 @@ class BeadOnSphere(Mechanism):
         gap = d - r >= 0,    m r'' = -m g e_z + λ r/d,    0 <= λ ⟂ gap >= 0
         on the sphere, from rest at θ_0:  λ = m g (3 cos θ - 2 cos θ_0), which is 0 where cos θ = (2/3) cos θ_0
 
-    From there on it follows a parabola.
+    From there on the mass follows a parabola.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)

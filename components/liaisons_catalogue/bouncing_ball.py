@@ -15,7 +15,7 @@ class BouncingBall(Mechanism):
         impact:  h'⁺ - σ' = -e (h'⁻ - σ'),    Λ = (1 + e) m (σ' - h'⁻),    loss ½ (1 - e²) m (h'⁻ - σ')²
         dropped from H on a table at rest, infinitely many impacts end at √(2H/g) (1 + e)/(1 - e)
 
-    Source: P. J. Holmes, Journal of Sound and Vibration 84 (1982) 173-189, with the flight of the ball exact.
+    Source: P. J. Holmes, Journal of Sound and Vibration 84 (1982) 173-189, but with the exact flight of the ball.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)

@@ -15,8 +15,8 @@ def _rod() -> Body:
 class Bricard(Linkage):
     """Loop of six rods along the edges of a cube, each hinge across the two rods that it joins; gravity moves it.
 
-    Grübler counts 6 (6 - 1) - 5 · 6 = 0 degrees of freedom; it has one, as one of the conditions follows from the
-    others.  By symmetry, hinges 1, 3, 5 turn together, and so do 2, 4, 6.
+    Grübler's formula gives 6 (6 - 1) - 5 · 6 = 0 degrees of freedom.  The loop has one, because one of the constraints
+    follows from the others.  By symmetry, hinges 1, 3, 5 turn together, and so do 2, 4, 6.
 
     Source: R. Bricard, J. math. pures appl. 3 (1897); IFToMM benchmark A04, with thin rods and in another pose.
     """

@@ -5,11 +5,11 @@ from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, Spr
 
 
 class CarAxis(Linkage):
-    """Axis of a car on a road that an operator lifts at its right: two masses on springs, a rod between them.
+    """Axis of a car on a road whose right end an operator lifts: two masses on springs with a rod between them.
 
-    The road is a bar of length L that turns by β(t), sin β = y_b/L.  The left mass moves across it, which is the
-    condition x_l x_b + y_l y_b = 0 of the source, the right one at the distance L from the left one; springs of the
-    stiffness 1/ε² stand on both ends of the road.
+    The road is a bar of length L that turns by β(t), sin β = y_b/L.  The left mass moves perpendicular to it, which is
+    the constraint x_l x_b + y_l y_b = 0 of the source; the right mass keeps the distance L from the left one.  Springs
+    of stiffness 1/ε² stand on both ends of the road.
 
     Source: W. M. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers (2008), II-12, with y for z.
     """

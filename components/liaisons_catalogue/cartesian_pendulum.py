@@ -31,8 +31,8 @@ class CartesianPendulum(Mechanism):
         Gauss:             μ_1 = -2 λ_1 = tension / l                                    K Ex. 9, the 2 removed
 
     λ_1 [N/m] and λ_2 [N] are in K's normalisation, that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the
-    port ``rod`` is 2 l λ_1.  K's multipliers keep what they find and have "no function of regulation"; here an error
-    decays, and every step ends on the constraints.
+    port ``rod`` is 2 l λ_1.  K's multipliers have "no function of regulation", so an error of the constraints would
+    persist; here it decays, and every step ends on the constraints.
 
     Source: K Ex. 1, Ex. 9; M eq. 20-22 for the rod.
     """

@@ -15,8 +15,8 @@ class ChargedParticle(Mechanism):
         Ω = Q B/m,                       w = E∧B/B²                       K eq. 28; drift
         r_c = r + m (r' - w)∧B/(Q B²),   r_c' = w + (r'·B) B/B²
 
-    p_x, p_y, p_z are the canonical momenta in the symmetric gauge, m r' the kinetic one, r_c the centre of the turns,
-    which the particle goes round at a constant distance.  The energy is ½ m |r'|² - Q E·r.
+    p_x, p_y, p_z are the canonical momenta in the symmetric gauge, m r' is the kinetic momentum, and r_c the guiding
+    centre, which the particle circles at a constant distance.  The energy is ½ m |r'|² - Q E·r.
 
     Source: K 2.3, Ex. 4 (eq. 27 with its dots restored), Ex. 7.
     """

@@ -27,8 +27,8 @@ class DoublePendulum(Mechanism):
                         l_2 θ_2'' + l_1 (θ_1'' cos δ - θ_1'² sin δ) = -g sin θ_2
         small angles:  g/Ω² = ½ (l_1 + l_2 ± √((l_1 - l_2)² + 4 l_1 l_2 m_2/(m_1 + m_2)))
 
-    It is two :class:`Pendulum` s, the second one's pivot at the first one's bob; both angles are absolute.  Large
-    motions are chaotic: only the energy tells whether they are right.
+    It consists of two :class:`Pendulum` s, the second with its pivot at the bob of the first; both angles are absolute.
+    Large motions are chaotic, so only the energy shows whether they are right.
 
     Source: the two-pendulum case of K 2.2 (K eq. 12, 19) and of the normal modes of K 5.2.
     """

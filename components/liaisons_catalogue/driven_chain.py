@@ -9,7 +9,7 @@ from liaisons_catalogue.oscillator_chain import OscillatorChain
 class DrivenChain(OscillatorChain):
     """Masses in a row, bound by springs; an operator moves a massless grip, one spring away from the first mass.
 
-    With u_0 = σ(t) the grip::
+    With the position u_0 = σ(t) of the grip::
 
         T = ½ m Σ u_j'²,    V = ½ κ Σ (u_j - u_(j-1))²,    j = 1 ... N
         m u_j'' = κ (u_(j+1) - 2 u_j + u_(j-1)),    m u_N'' = -κ (u_N - u_(N-1))

@@ -9,7 +9,7 @@ from liaisons_catalogue.solutions.linear import coordinate_motion
 
 
 class Flywheel(Mechanism):
-    """Wheel on a fixed shaft; the motor's shaft in a composition.
+    """Wheel on a fixed shaft, such as the shaft of a motor in a system.
 
     ::
 

@@ -25,16 +25,15 @@ for _i in range(1, READINGS + 1):
 
 
 class ForceRegulator(_CorrectedForce):
-    """A force that is constant from sample to sample: the planned one, corrected by linear feedback of what was read.
+    """Force that is constant between samples: the planned force, corrected by linear feedback of what was read.
 
-    Samples are the knots, and one each period behind the last of them; in Co-Simulation without event mode each has to
-    be a communication point.  At the knot k, in the round n of a motion that repeats itself::
+    Samples are taken at the knots, and once per period after the last of them; in Co-Simulation without event mode each
+    has to be a communication point.  At the knot k, in the round n of a periodic motion::
 
         y = next                                                    of the sample before
         next = clip(planned_(k+1) + offset_k + n advance_k - own_gain_k y - Σ gain_ki reading_i, lowest, highest)
 
-    so that there is a whole period to compute it.  The last knot is repeated where there are less than there is room
-    for.
+    so that a whole period is left to compute it.  Unused places for knots repeat the last knot.
     """
 
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)

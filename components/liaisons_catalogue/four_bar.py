@@ -11,7 +11,7 @@ class FourBar(Linkage):
 
         d/a cos ψ - d/c cos φ + (a² - b² + c² + d²)/(2 a c) = cos (φ - ψ)         Freudenstein
 
-    Of the five conditions at the pin three follow from the others, since all hinges are parallel.
+    Three of the five constraints at the pin follow from the others, because all hinges are parallel.
 
     Source: F. Freudenstein, Trans. ASME 77 (1955).
     """

@@ -21,8 +21,8 @@ class FourierHoop(ParametrisedHoop):
         H(Y) = Y (∂_β - a ∂_ξ + a' p_ξ ∂_p)                                            M eq. 66
         -X_K = ½ m b' Y² ∂_p                                                           M eq. 67
 
-    Y = β_dot.  The quadrature of ξ is exact to 1e-12 of the length as long as the
-    hoop is not pinched; of each harmonic alone up to 0.8, 0.5, 0.3 and 0.2 will do.
+    Y = β_dot.  The quadrature of ξ is exact to 1e-12 of the length as long as the hoop is not pinched; for a single
+    harmonic k = 1..4 this means coefficients up to 0.8, 0.5, 0.3 and 0.2.
 
     Source: M 8.4, eq. 61-67.
     """

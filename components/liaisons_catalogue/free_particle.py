@@ -9,7 +9,7 @@ from liaisons_catalogue.solutions.linear import coordinate_motion
 
 
 class FreeParticle(Mechanism):
-    """Point mass under its weight, with friction if wanted.
+    """Point mass under its weight, with optional friction.
 
     ::
 

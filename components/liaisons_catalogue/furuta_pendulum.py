@@ -6,8 +6,9 @@ from liaisons.linkages import Body, BodyPoint, Linkage, Revolute, ground
 class FurutaPendulum(Linkage):
     """Rotary inverted pendulum: an arm that turns about the vertical, a pendulum at its end about the arm.
 
-    With φ the arm, θ the pendulum from the downward vertical, L the arm's length, l to the pendulum's centre, J_1 the
-    arm's moment about its axis, J_2 = J + m l² the pendulum's across and J_3 along its rod::
+    φ is the angle of the arm, θ that of the pendulum from the downward vertical, L the length of the arm, l the
+    distance to the pendulum's centre of mass, J_1 the arm's moment of inertia about its axis, J_2 = J + m l² that of
+    the pendulum across its rod, and J_3 the one along it::
 
         (J_1 + m L² + J_2 sin²θ + J_3 cos²θ) φ'' + m L l cos θ θ'' = m L l sin θ θ'² - (J_2 - J_3) sin 2θ θ' φ' + τ
         m L l cos θ φ'' + J_2 θ'' = ½ (J_2 - J_3) sin 2θ φ'² - m g l sin θ

@@ -11,8 +11,8 @@ from liaisons_catalogue.shape_functions import NUMBERS, Function, ShapedMechanis
 class GeneralCat(ShapedMechanism, abstract=True):
     """Falling cat of any shape s, which the operator prescribes, seen from its centre of mass.
 
-    With the moment of inertia I about the centre of mass in a frame of the body, the connection A, and the effective
-    mass Θ of the shapes, ω and H = R I (ω + A s') as of a :class:`SpatialCat`::
+    With the moment of inertia I about the centre of mass in a frame of the body, the connection A, the effective mass Θ
+    of the shapes, and ω and H = R I (ω + A s') as in :class:`SpatialCat`::
 
         L = ½ (ω + A(s) s')·I(s) (ω + A(s) s') + ½ s'·Θ(s) s'        M eq. 58, without the centre of mass
         H, the angular momentum about the centre of mass, is constant in the inertial frame

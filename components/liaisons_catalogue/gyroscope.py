@@ -7,9 +7,10 @@ from liaisons.linkages import Body, Linkage, Revolute, ground
 class Gyroscope(Linkage):
     """Heavy gyroscope in two gimbals: the outer one turns about the vertical, the inner one about a horizontal axis.
 
-    θ is the angle of the rotor's axis from the upward vertical, Ω the rate of precession, ω_3 = spin' + Ω cos θ;
-    I_1 and I_3 the rotor's moments across (about the pivot) and along its axis, B and C the inner gimbal's about its
-    own horizontal and axial directions, l from the pivot to the rotor's centre.  In steady precession::
+    θ is the angle of the rotor's axis from the upward vertical, Ω the rate of precession, ω_3 = spin' + Ω cos θ; I_1
+    and I_3 are the rotor's moments of inertia across (about the pivot) and along its axis, B and C those of the inner
+    gimbal about its own horizontal and axial directions, and l is the distance from the pivot to the rotor's centre of
+    mass.  In steady precession::
 
         (I_1 + B - C) Ω² cos θ - I_3 ω_3 Ω + m g l = 0
 

@@ -25,8 +25,9 @@ class IsokineticOscillator(Mechanism):
         (r × r') exp(-V / 3 k_B T) is constant, V = K r²/2: the motion stays in a plane
         r'² = v² (1 - c² exp(a r²) / r²),    a = K / 3 k_B T,    c = |r × r'| exp(-a r²/2) / v
 
-    μ is a friction of either sign, so that T + V is not conserved; with μ as printed an error of the constraint grows
-    as exp(2 V / 3 k_B T), with m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
+    μ is a friction coefficient of either sign, so that T + V is not conserved.  With μ as printed, an error of the
+    constraint grows as exp(2 V / 3 k_B T); with m v² in place of 3 k_B T, any speed is kept.  The multiplier of
+    ``kinetic`` is -μ.
 
     Source: K Ex. 10, eq. 107-113.
     """

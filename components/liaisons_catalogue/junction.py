@@ -9,14 +9,15 @@ from liaisons_catalogue.solutions.linear import coordinate_motion
 
 
 class Junction(Mechanism):
-    """Pin in a vertical plane that a third mechanism leads, and at which two others hang; it may have a mass.
+    """Pin in a vertical plane that one mechanism moves, and from which two others hang; it may have a mass.
 
     ::
 
         F_x = m x'' + first_x_load + second_x_load          F_z = m (z'' + g) + first_z_load + second_z_load
 
-    An input has one source, so that one mechanism hangs at a point; with a junction at the point there are two, whose
-    forces add up by virtual work (K eq. 14), and with a junction at one of its own points three.  The pin turns freely.
+    An input has one source, so that only one mechanism can hang at a point.  With a junction at the point there can be
+    two, whose forces add up by virtual work (K eq. 14), and with a second junction at one of its points, three.  The
+    pin turns freely.
     """
 
     mass = Parameter(0.0, "kg", "mass of the pin", minimum=0)

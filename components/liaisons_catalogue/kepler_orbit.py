@@ -15,8 +15,8 @@ class KeplerOrbit(Mechanism):
         T = 2π √(a³/μ),                 1/a = 2/r - |r'|²/μ   third law, for orbits of any eccentricity
         2 T̄ + V̄ = [p·r]/τ              virial over any time τ, K eq. 74 with h = -1 in the limit
 
-    The vector e points to the pericentre and has the length of the eccentricity.  Energy, L_z and e are constant.
-    r = 0 is reached by orbits without angular momentum.
+    The vector e points to the pericentre and has the length of the eccentricity.  Energy, L_z and e are constant.  Only
+    orbits without angular momentum reach r = 0.
 
     Source: K 2.5, eq. 60 (star M and planet m told apart); K 2.7.
     """

@@ -9,8 +9,9 @@ from liaisons.linkages import Body, Linkage, Planar, Revolute, ground
 class LinkedCat(Linkage):
     """Falling cat in the plane as a linkage: a trunk that is free, and two limbs whose hinges an operator turns.
 
-    It moves as :class:`PlanarCat`, whose Lagrangian is written by hand in the coordinates of the common centre of mass;
-    these are those of the trunk.  The angular momentum p_fall_angle is not that about the centre of mass.
+    It moves like :class:`PlanarCat`, whose Lagrangian is written by hand in the coordinates of the common centre of
+    mass; the coordinates here are those of the trunk.  The angular momentum p_fall_angle is not the one about the
+    centre of mass.
 
     Source: M 8.2.
     """

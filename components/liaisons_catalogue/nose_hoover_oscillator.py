@@ -18,15 +18,15 @@ from liaisons.language import (
 
 
 class NoseHooverOscillator(Mechanism):
-    """Harmonic oscillator with a friction ξ, of either sign, that rises while it is hotter than its thermostat.
+    """Harmonic oscillator with a friction ξ, of either sign, that grows while the oscillator is too hot.
 
     ::
 
         m q'' = -K q - ξ m q',    ξ' = (m q'² - k_B T) / Q,    η' = ξ
         H' = m q'²/2 + K q²/2 + Q ξ²/2 + k_B T η is constant
 
-    One oscillator is not ergodic and parts of its phase space are chaotic: over long times only H' can be compared.
-    The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
+    A single oscillator is not ergodic, and parts of its phase space are chaotic, so over long times only H' can be
+    compared.  The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
 
     Source: K 4.2, end, with references 10 and 11.
     """

@@ -16,7 +16,7 @@ class OscillatorChain(Chain):
         Ω_k = 2 √(κ/m) sin(kπ/2N),    φ_k(j) = cos(kπ (j - ½)/N),    k = 0 ... N - 1
         long waves travel at c = √(κ/m) Δx, all others more slowly
 
-    The place of mass j is (j - ½) Δx.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is
+    The position of mass j is (j - ½) Δx.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is
     constant.
 
     Source: K 5.3, chain of oscillators and its wave limit.

@@ -12,18 +12,18 @@ from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parame
 
 
 class FourBars(Mechanism, abstract=True):
-    """Uniform rods of one length: standing ones on pivots in a row, their tops joined by lying ones; abstract.
+    """Uniform rods of equal length: upright ones on pivots in a row, their tops joined by horizontal ones; abstract.
 
-    Standing rod i = 0 .. N turns by θ_i about (i l, 0), its top is B_i; lying rod i joins B_i-1 and B_i.  A uniform rod
-    whose ends move at v and w has the kinetic energy m (v² + v·w + w²)/6::
+    The upright rod i = 0 .. N turns by θ_i about (i l, 0), and its top is B_i; the horizontal rod i joins B_i-1 and
+    B_i.  A uniform rod whose ends move at v and w has the kinetic energy m (v² + v·w + w²)/6::
 
         T = Σ m l² θ_i'²/6 + Σ m (B_i-1'² + B_i-1'·B_i' + B_i'²)/6,    V = m g (Σ z(B_i)/2 + Σ (z(B_i-1) + z(B_i))/2)
         σ_i = (|B_i - B_i-1|² - l²)/2l = 0,    i = 1 .. N
         parallelograms, θ_i = θ:    J θ'' = -G cos θ,    J = m l² ((N + 1)/3 + N),    G = m g l ((N + 1)/2 + N)
 
-    θ [rad] from the horizontal, m [kg], l [m], g [m/s2].  Where all rods lie in line, θ = 0 and θ = π, the gradients
-    of all σ_i are linearly dependent, N + 1 instead of one degree of freedom are open, and the forces of the rods have
-    poles, unless N = 1; the motion goes through at once.
+    θ [rad] from the horizontal, m [kg], l [m], g [m/s2].  Where all rods lie in line, θ = 0 and θ = π, the gradients of
+    all σ_i are linearly dependent, the mechanism has N + 1 degrees of freedom instead of one, and the forces of the
+    rods have poles, unless N = 1.  The motion passes through without a stop.
 
     Source: IFToMM library of computational benchmark problems, A02; E. Bayo, A. Avello, Nonlinear Dynamics 5 (1994).
     """

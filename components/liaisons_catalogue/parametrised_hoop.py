@@ -16,8 +16,8 @@ SAMPLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 class ParametrisedHoop(Hoop, abstract=True):
     """Hoop with a bead whose coordinate u is not the arc length; abstract.
 
-    The :meth:`curve` has the period 2π and passes A at u = 0; where it does not, :attr:`_u_at_A` says where.  Length,
-    area and arc length come by quadrature unless the subclass knows better.
+    The :meth:`curve` has the period 2π and passes A at u = 0, or at :attr:`_u_at_A`.  Length, area and arc length are
+    computed by quadrature unless the subclass has closed forms.
     """
 
     once_round = ca.SX(2 * np.pi)

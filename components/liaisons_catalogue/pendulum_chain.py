@@ -18,7 +18,7 @@ class PendulumChain(Chain):
         small angles:  L_N(Ω² l/g) = 0,    x_j ~ L_(N-j)(Ω² l/g)
 
     L_i are Laguerre polynomials, x_j [m] horizontal displacements in a normal mode; the angles are absolute.  Large
-    motions are chaotic: only the energy tells whether they are right.
+    motions are chaotic, so only the energy shows whether they are right.
 
     Source: K 2.2 (eq. 12, 19) for any number of links; the small motions are those of D. Bernoulli's hanging chain.
     """

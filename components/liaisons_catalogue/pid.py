@@ -10,7 +10,7 @@ from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, S
 
 
 class Pid(Sampled):
-    """PID controller with bounded output, filtered derivative, weighted setpoint and anti-windup, once a period h.
+    """PID controller with bounded output, filtered derivative, weighted setpoint and anti-windup, with period h.
 
     With setpoint r, reading y, e = r - y, at a sample (Åström and Wittenmark 8.3; derivative by backward difference)::
 
@@ -19,8 +19,9 @@ class Pid(Sampled):
         output = clip(v, lowest, highest)
         I = I⁻ + h/T_i (K e + (output - v)/N_i)
 
-    I⁻, f⁻ are values before it.  Names in Modelica's LimPID: K ``k``, T_i ``Ti``, T_d ``Td``, N ``Nd``, N_i ``Ni``,
-    b_p ``wp``, b_d ``wd``, bounds ``yMin``, ``yMax``.  T_i = 1e30 and T_d = 0 leave integral and derivative out.
+    I⁻ and f⁻ are the values before the sample.  The names in Modelica's LimPID are: K ``k``, T_i ``Ti``, T_d ``Td``, N
+    ``Nd``, N_i ``Ni``, b_p ``wp``, b_d ``wd``, bounds ``yMin``, ``yMax``.  T_i = 1e30 and T_d = 0 switch off the
+    integral and the derivative.
     """
 
     gain = Parameter(1.0, ANY, "proportional gain, of the output by the reading", symbol="K")

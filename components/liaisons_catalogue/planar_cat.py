@@ -8,7 +8,7 @@ from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity,
 
 
 class PlanarCat(Mechanism):
-    """Falling cat of three rigid bodies in the plane: a trunk and two limbs, whose hinge angles are the operator's.
+    """Falling cat of three rigid bodies in the plane: a trunk and two limbs, whose hinge angles an operator prescribes.
 
     With e(α) = (cos α, sin α), the limbs' centres of mass lie at h e(φ) + c_1 e(φ + ψ_1) and -h e(φ) - c_2 e(φ + ψ_2)
     from the trunk's.  In reduced masses μ_i = m_i (M - m_i)/M, μ = m_1 m_2/M, with M the total mass and
@@ -21,7 +21,7 @@ class PlanarCat(Mechanism):
         p_φ = I φ' + J_1 ψ_1' + J_2 ψ_2', the angular momentum, is constant
 
     At p_φ = 0 the trunk turns by Δφ = -∮ (J_1 dψ_1 + J_2 dψ_2)/I in a closed loop of shapes, however fast the loop is
-    run through: the holonomy of the kinetic connection (``analysis.holonomy``).
+    traversed; this is the holonomy of the kinetic connection (``analysis.holonomy``).
 
     Source: M 8.2, eq. 57-60.
     """

@@ -9,7 +9,7 @@ from liaisons_catalogue.solutions.linear import coordinate_motion
 
 
 class PlanarOscillator(Mechanism):
-    """Mass in a plane, drawn to the origin by a force in proportion to the distance.
+    """Mass in a plane, attracted to the origin by a force proportional to the distance.
 
     ::
 

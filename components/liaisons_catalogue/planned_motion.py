@@ -18,15 +18,15 @@ _KNOTS = Dimension("knots", 100, "number of knots that there is room for")
 class PlannedMotion(Operator):
     """Motion through knots (t, y, y', y''); between two knots the polynomial of degree five that fits both.
 
-    With τ = t - t_k, h = t_(k+1) - t_k and what is left of the way, the rate and the acceleration at the end of it,
-    D = y_(k+1) - (y_k + y_k' h + y_k'' h²/2), V = y_(k+1)' - (y_k' + y_k'' h), A = y_(k+1)'' - y_k''::
+    With τ = t - t_k, h = t_(k+1) - t_k, and the differences of value, rate and acceleration that remain at the end of
+    the interval, D = y_(k+1) - (y_k + y_k' h + y_k'' h²/2), V = y_(k+1)' - (y_k' + y_k'' h), A = y_(k+1)'' - y_k''::
 
         y = y_k + y_k' τ + y_k'' τ²/2 + (10 D - 4 V h + A h²/2) (τ/h)³
             - (15 D - 7 V h + A h²) (τ/h)⁴ + (6 D - 3 V h + A h²/2) (τ/h)⁵
 
-    Two knots at one instant are a jump, at which the later one holds, unless they are equal.  The list
-    ends where the instants no longer increase: those that are left at 0 are not there.  Beyond both ends the
-    polynomials go on.  ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
+    Two different knots at one instant are a jump, at which the later one holds.  The list ends where the instants no
+    longer increase, so knots that are left at 0 do not count.  Beyond both ends the polynomials continue.
+    ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
     """
 
     instant = ParameterArray((0.0, 1.0), "s", "instants of the knots, ascending; twice the same is a jump", _KNOTS)

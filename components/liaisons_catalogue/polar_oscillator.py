@@ -6,7 +6,7 @@ from liaisons.language import Ball, Coordinate, Experiment, Mechanism, Parameter
 
 
 class PolarOscillator(Mechanism):
-    """Mass in a plane, drawn to the origin by a force in proportion to the distance, described by r and φ.
+    """Mass in a plane, attracted to the origin by a force proportional to the distance, in the coordinates r and φ.
 
     ::
 

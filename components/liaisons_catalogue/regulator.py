@@ -30,17 +30,17 @@ for _i in range(1, READINGS + 1):
 
 
 class Regulator(CorrectedMotion):
-    """A motion through knots, and its correction by linear feedback of what was read at the last sample.
+    """Motion through knots, corrected by linear feedback of what was read at the last sample.
 
-    Samples are the knots, and one each period behind the last of them; in Co-Simulation without event mode each has to
-    be a communication point.  From the knot k on at which was sampled, in the round n of a motion that repeats itself::
+    Samples are taken at the knots, and once per period after the last of them; in Co-Simulation without event mode each
+    has to be a communication point.  From the sampled knot k on, in the round n of a periodic motion::
 
         y = y_k + y_k' τ + y_k'' τ²/2 + ... + x       between knots as PlannedMotion, after the last one without "..."
         w = clip(offset_k + n advance_k - Σ gain_ki reading_i, lowest_k, highest_k)
         x''' = (w - x'') / period
 
-    so that x stays between least_k and most_k and x' between slowest_k and fastest_k: bounds that are approached no
-    faster than by exp(-t/(2 period)).  The last knot is repeated where there are less than there is room for.
+    so that x stays between least_k and most_k and x' between slowest_k and fastest_k.  These bounds are approached no
+    faster than by exp(-t/(2 period)).  Unused places for knots repeat the last knot.
     """
 
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)

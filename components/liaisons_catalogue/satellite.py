@@ -34,8 +34,8 @@ class Satellite(Mechanism):
         J ω' + J_w φ'' = (J ω + J_w φ') × ω,      λ_k = J_w (φ_k'' + ω_k')               M eq. 27
         from rest, H = 0, one wheel after the other or all in proportion: a turn by -J⁻¹ J_w Δφ, for any φ(t)
 
-    The torques of the motors are λ.  Turns about different axes do not commute: wheels that end where they began leave
-    the satellite turned.
+    The torques of the motors are λ.  Turns about different axes do not commute, so the satellite may have turned when
+    all wheels are back at the angles at which they began.
 
     Source: M 8.3, with 8.2.
     """

@@ -6,8 +6,8 @@ from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, gro
 class Scara(Linkage):
     """Selective compliance assembly robot arm: two vertical axes, a quill that slides and turns.
 
-    With a_1 and a_2 the lengths of the arms, c_1 and c_2 the distances of their centres, m the mass of the quill, J its
-    moment, q_2 the elbow, M of the two arms, and of the rest, is::
+    a_1 and a_2 are the lengths of the arms, c_1 and c_2 the distances of their centres of mass, m is the mass of the
+    quill, J its moment of inertia, and q_2 the angle of the elbow.  The mass matrix has the elements::
 
         M_22 = I_2 + m_2 c_2² + m a_2² + J,   h = (m_2 c_2 + m a_2) a_1 cos q_2
         M_12 = M_22 + h,   M_11 = I_1 + m_1 c_1² + (m_2 + m) a_1² + M_22 + 2 h

@@ -6,8 +6,9 @@ from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, Uni
 class SlewingCrane(Linkage):
     """Crane whose tower and trolley an operator moves; rope and load swing freely.
 
-    Tower slewed by φ, trolley at the radius R, load with the moments I_t across and I_a along a rope whose centre of
-    mass lies l below the trolley.  At a constant rate Ω it hangs at the angle α outwards::
+    The tower slews by φ, and the trolley is at the radius R.  The load has the moments of inertia I_t across and I_a
+    along the rope, and its centre of mass is l below the trolley.  At a constant rate Ω it hangs outwards at the angle
+    α::
 
         tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g
 

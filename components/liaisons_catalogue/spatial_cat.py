@@ -8,23 +8,24 @@ _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
 
 class SpatialCat(Mechanism):
-    """Falling cat of two equal bodies of revolution with a joint between them, whose three angles are the operator's.
+    """Falling cat of two equal bodies of revolution; an operator prescribes the three angles of the joint between them.
 
     Half A has its axis a along its own z; half B relative to it is turned by Rz(χ) Rx(κ) Rz(-χ + τ), which gives its
     axis b: bent by κ about a direction at the azimuth χ.  In the frame of A, with ω_B = ω + χ' a + κ' n + (τ' - χ') b,
-    n = (cos χ, sin χ, 0), I and J the moments of inertia of each half across and about its axis, and d (a + b) the way
-    from one centre of mass to the other::
+    n = (cos χ, sin χ, 0), I and J the moments of inertia of each half across and about its axis, and d (a + b) the
+    vector from one centre of mass to the other::
 
         T = m |v_G|² + ¼ m |d b' + ω × d (a + b)|²
             + ½ I (|ω|² + |ω_B|²) + ½ (J - I) ((ω·a)² + (ω_B·b)²),    V = 2 m g z_G       M eq. 58
         H, the angular momentum about the centre of mass, is constant in the inertial frame
 
-    At H = 0 and without twist (τ constant) the bisector e ~ a + b keeps its direction, so that the joint's place does
-    not enter, and the plane of the bend turns about it::
+    At H = 0 and without twist (τ constant) the bisector e ~ a + b keeps its direction, so that the position of the
+    joint does not matter, and the plane of the bend turns about it::
 
         ψ' = J c χ' / (I s² + J c²),    c = cos κ/2,  s = sin κ/2
 
-    Going round at constant bend (χ by 2π) the cat has its shape again and is turned by Φ = 2π J c/(I s² + J c²).
+    When the bend has gone round at constant κ (χ by 2π), the cat has its shape again and has turned by Φ = 2π J c/(I s²
+    + J c²).
 
     Source: M 8.2, eq. 57-60; the twist-free motion after Rademaker and ter Braak, Kane and Scher.
     """

@@ -30,7 +30,7 @@ class StringPendulum(Mechanism):
         taut again:  a tug, d'⁺ - l' = -e (d'⁻ - l')
         v at the lowest point, 2gl < v² < 5gl:  slack at the height (v² - 2gl)/3g above the pivot
 
-    Where it stays taut this is the Pendulum.
+    While the string is taut, the mass moves like a Pendulum.
     """
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)

@@ -7,7 +7,7 @@ from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, 
 
 
 class Swing(Mechanism):
-    """Child on a swing: the seat on a rope, the torso leaning about it; rope and lean are the operator's.
+    """Child on a swing: the seat on a rope, the torso leaning about it; an operator prescribes rope and lean.
 
     With rope l, lean ψ, masses m_1 at the seat (l sin θ, -l cos θ) and m_2 at seat + b (sin(θ + ψ), -cos(θ + ψ))::
 
