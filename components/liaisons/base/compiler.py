@@ -183,7 +183,9 @@ def _compile_and_link(
                 missing[file] = key, command
             else:
                 (folder / file).write_bytes(stored)
-        _run_compilers([command for _, command in missing.values()], folder)
+        # Long files first: none of them is left to one core at the end.
+        longest = sorted(missing, key=lambda file: len(sources[file.removesuffix(".o")]), reverse=True)
+        _run_compilers([missing[file][1] for file in longest], folder)
         for file, (key, _) in missing.items():
             cache.write_entry(key, (folder / file).read_bytes())
         _run_compilers([[*linker, *objects, "-o", output, *libraries]], folder)

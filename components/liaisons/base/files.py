@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 import stat
 import sys
@@ -105,7 +104,7 @@ def file_beside(path: Path, name: str) -> str:
 
 def _temporary_path(target: Path) -> Path:
     """New path beside a file."""
-    return target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    return target.with_name(f".{target.name}.{os.urandom(4).hex()}.part")
 
 
 def _must_be_overwritten(path: Path) -> bool:

@@ -6,56 +6,28 @@ catalogue is published like this, too, by the package ``liaisons``.
 
 from __future__ import annotations
 
-import tomllib
-from functools import cache, cached_property, lru_cache
-from importlib.metadata import Distribution, EntryPoint, distribution, distributions
+from functools import cache, lru_cache
 from importlib.util import find_spec
-from os import PathLike
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any
 
 from liaisons.base.logs import logger
 from liaisons.errors import LiaisonsError, ProjectError
 
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution, EntryPoint
+
 GROUP = "liaisons.components"
 _NAME = "liaisons"
-_COMPONENTS = Path(__file__).resolve().parents[2]
-"""The folder in which this package lies: ``components`` in a clone."""
-
-
-@final
-class _Clone(Distribution):
-    """The clone that this package runs from, as its pyproject.toml describes it now.
-
-    The metadata of an installation may be older, and a clone on PYTHONPATH has none.
-    """
-
-    @cached_property
-    def _project(self) -> dict[str, Any]:
-        return tomllib.loads((_COMPONENTS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-
-    def read_text(self, filename: str) -> str | None:
-        """Text of a file as an installation has it: author and licence, entry points, files."""
-        if filename == "RECORD":
-            return "LICENSE,,"
-        project = self._project
-        if filename == "entry_points.txt":
-            groups = project["entry-points"].items()
-            return "\n".join(x for group, entries in groups for x in [f"[{group}]", *map(" = ".join, entries.items())])
-        author, licence = project["authors"][0]["name"], project["license"]
-        about = f"Name: {project['name']}\nAuthor: {author}\nLicense-Expression: {licence}\n"
-        return about if filename == "METADATA" else None
-
-    def locate_file(self, path: str | PathLike[str]) -> Path:
-        """Path of a file."""
-        return _COMPONENTS.parent / path
 
 
 @cache
 def own_distribution() -> Distribution:
     """Distribution of this package: the clone that it runs from, or as it is installed."""
-    is_clone = _COMPONENTS.name == "components" and (_COMPONENTS.parent / "pyproject.toml").is_file()
-    return _Clone() if is_clone else distribution(_NAME)
+    # Imported here: metadata are read by the modules of e-mail, a tenth of the time of a help text.
+    from liaisons.base.distributions import clone, distribution
+
+    return clone() or distribution(_NAME)
 
 
 @cache
@@ -73,6 +45,8 @@ def registered(group: str) -> list[Any]:
 @lru_cache(maxsize=1)
 def published_components() -> dict[str, dict[str, EntryPoint]]:
     """Entry points by name of the package, then by name of the component; no package is imported."""
+    from liaisons.base.distributions import distributions
+
     packages: dict[str, dict[str, EntryPoint]] = {}
     found = {str(each.metadata["Name"]): each for each in [*distributions()][::-1]} | {_NAME: own_distribution()}
     for package, each in found.items():  # of several of one name the first on the path

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _WIDTH = 100
 """Width of output that does not go to a terminal."""
+_FAILURES = ("FAIL", "ERROR")
+"""Words of verdicts that are red where there are colours."""
 
 
 def _examples(lines: str) -> str:
@@ -93,14 +95,18 @@ def terminal_width() -> int:
 
 def print_table(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
     """Print a table at most as wide as the terminal, with failures in red where there are colours."""
-    from rich.console import Console
-    from rich.text import Text
-
     from liaisons.check import table
 
-    text = Text(table(rows, terminal_width()))
-    text.highlight_words(["FAIL", "ERROR"], "bold red")
-    Console().print(text, soft_wrap=True)
+    text = table(rows, terminal_width())
+    if not any(word in text for word in _FAILURES):
+        print(text)
+        return
+    from rich.console import Console  # takes as long as a tenth of a simulation
+    from rich.text import Text
+
+    coloured = Text(text)
+    coloured.highlight_words(_FAILURES, "bold red")
+    Console().print(coloured, soft_wrap=True)
 
 
 def print_verdicts(verdicts: Sequence[Verdict]) -> int:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import ast
-import multiprocessing
 import os
 import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -245,6 +243,9 @@ def _map_on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]
     if count < 2:
         yield from map(function, tasks)
         return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
     with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _prepare_worker, (os.getpid(),)) as pool:
         try:
             # pool.map cancels those that wait, to which a thread of the pool would report that its processes have ended

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -168,5 +167,7 @@ def show(
             remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")
     if launch:
+        import webbrowser
+
         webbrowser.open(page.resolve().as_uri())
     return 0
