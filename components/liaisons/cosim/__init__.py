@@ -33,6 +33,7 @@ from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
+    from liaisons.cosim.coupling.node import Polynomial
     from liaisons.cosim.instances.fmi2 import Instance2
     from liaisons.cosim.instances.fmi3 import Instance3
     from liaisons.cosim.running.linearization import Linearization, LinearizationMethod
@@ -67,6 +68,7 @@ __all__ = [
     "Moment",
     "Numbers",
     "OperatorFmu",
+    "Polynomial",
     "Port",
     "Record",
     "Result",
@@ -109,6 +111,7 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "coupling.node": ["Polynomial"],
         "instances.fmi2": ["Instance2"],
         "instances.fmi3": ["Instance3"],
         "running.linearization": ["Linearization", "LinearizationMethod"],

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim import Call, Kernel, Port, Simulation, VariableReference, contact_variables
+from liaisons.cosim import Call, Kernel, Polynomial, Port, Simulation, VariableReference, contact_variables
 from liaisons.coupling_estimate.contacts import ContactMechanism
 from liaisons.coupling_estimate.estimate import InputReconstruction, Shape
 
@@ -103,26 +103,33 @@ class _PolynomialTable:
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
         """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
-        simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
-        approximation = part.approximation
-        if target[0] in simulation.chosen_reconstructions or not (
-            simulation.iterates or approximation.takes_end_values
-        ):
-            return self._explicit_polynomial(target, own)
-        if approximation.takes_end_values and Port(part, target[1]).motion_and_order()[0] is None:
-            return "hermite", [own], 0
-        if approximation.interface == "mean value":
-            return "mean", [own], 0
-        references, order = simulation.port_and_order(source)
-        port = [self.columns[reference] for reference in references if reference in self.columns]
-        deviations = self.kernel.deviations
+        own, deviations = self.columns[source], self.kernel.deviations
+        references, order = self.simulation.port_and_order(source)
         integral, numbers = deviations.columns.get(target, (0, 0)) if deviations else (0, 0)
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
-        if len(port) == len(references) > 2 and approximation.method is not None:
-            return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
-        if is_driven:
-            return "cubic", integrals, 0
-        return self._polynomial_without_port(target, source, own)
+        match self._shape(target, is_port=len(references) == 3):
+            case "port":
+                port = [self.columns[reference] for reference in references]
+                return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
+            case "points":
+                return ("cubic", integrals, 0) if is_driven else ("points", [own], 0)
+            case "slopes":
+                return "hermite", [own, self.kernel.bus.slope_columns[source]], 0
+            case "line":
+                return "hermite", [own], 0
+            case "mean":
+                return "mean", [own], 0
+            case "as set":
+                return self._explicit_polynomial(target, own)
+
+    def _shape(self, target: VariableReference, *, is_port: bool) -> Polynomial:
+        """What the coupled step says of an input; in explicit coupling FMUs have values at the end, or their own."""
+        if self.kernel.coupled is not None:
+            return self.kernel.coupled.polynomials[target]
+        simulation, part = self.simulation, self.simulation.parts[target[0]]
+        if target[0] in simulation.chosen_reconstructions or not part.approximation.takes_end_values:
+            return "as set"
+        return "port" if is_port and Port(part, target[1]).motion_and_order()[0] else "line"
 
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
         part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
@@ -131,20 +138,6 @@ class _PolynomialTable:
             return "newest", [own], 0
         port = [self.kernel.bus.index[feeds[end.reference]] for end in triple or () if end.reference in feeds]
         return ("taylor", port, order) if method == 1 and len(port) == 3 else ("taylor", [own], 0)
-
-    def _polynomial_without_port(
-        self, target: VariableReference, source: VariableReference, own: int
-    ) -> tuple[Shape, list[int], int]:
-        simulation = self.simulation
-        if simulation.parts[target[0]].approximation.follows_polynomials:
-            slopes = self.kernel.bus.slope_columns
-            if source in slopes:
-                return "hermite", [own, slopes[source]], 0
-            number = simulation.group_number
-            is_solved_with_source = number.get(source[0]) == number[target[0]]
-            if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
-                return "points", [own], 0
-        return "hermite", [own], 0
 
 
 def _effect_columns(kernel: Kernel) -> dict[VariableReference, list[tuple[int, int, int]]]:

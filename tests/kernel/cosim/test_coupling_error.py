@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from making import FmuPaths, coupling_errors, wired
+from making import FmuPaths, coupling_errors, exchange_only, wired
 from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import Signal, System, flatten
@@ -47,6 +47,17 @@ def _true(result: Result, whole: Path, k: int, mass: float, seen: tuple[str, ...
         size = max(float(np.max(np.abs(result[other]))) for other in alike)
         errors.append(abs(end[name][-1] - result[name][k]) / size)
     return max(errors)
+
+
+def test_model_exchange_follows_the_quintic_of_a_port(component: FmuPaths, tmp_path: Path) -> None:
+    """The sum of the errors is some true error, not that of a cubic, which is 5e4 times as large."""
+    swing = exchange_only(component("Pendulum"), tmp_path), {"theta_0": 0.5}
+    system = wired(
+        "motor.y -> swing.length", motor=(component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1}), swing=swing
+    )
+    coarse, fine = (system.simulate(stop_time=1.0, step_size=H, tolerance=1e-11) for H in (0.1, 0.1 / 4))
+    true = np.max(np.abs(coarse["swing.theta"] - fine["swing.theta"][::4]))
+    assert true / 10 < np.sum(coarse.coupling_error) < 100 * true
 
 
 @pytest.mark.parametrize(

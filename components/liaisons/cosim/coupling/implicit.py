@@ -17,11 +17,12 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls
-from liaisons.cosim.coupling.node import INSIDE, Node, Phase
+from liaisons.cosim.coupling.node import INSIDE, Node, Phase, Polynomial
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 from liaisons.cosim.structures import Record
@@ -35,6 +36,7 @@ class Coupled:
     """All strong components of a system; each step is repeated until inputs and outputs agree.
 
     :ivar calls: those of initialization, an instant and a step.
+    :ivar polynomials: input -> polynomial that it follows within a step.
     :ivar error_order: order in H of the error of a step: that of the coarsest polynomial.
     """
 
@@ -55,8 +57,13 @@ class Coupled:
         self._components = _strong_components(simulation, instances, bus, signals)
         newtons = [newton for component in self._components for newton in component.newtons]
         self._matrices = [record for newton in newtons for record in (newton.record, newton.elimination.record)]
-        orders = [node.error_order for component in self._components for node in component.nodes]
-        self.error_order = min(orders, default=6)
+        nodes = [node for component in self._components for node in component.nodes]
+        self.error_order = min((node.error_order for node in nodes), default=6)
+        self.polynomials: dict[VariableReference, Polynomial] = {
+            input_: polynomial
+            for node in nodes
+            for input_, polynomial in zip(bus.inputs[node.name], node.polynomials, strict=True)
+        }
         leading = _leading_curves(simulation, signals)
         *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
         self._memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)

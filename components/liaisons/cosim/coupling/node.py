@@ -39,15 +39,22 @@ class InputMotionCalls:
     :param kind: numbers that compiled code writes before the step.
     :param before: calls before the step.
     :param after: calls after it.
-    :param error_order: order in H of the error of the motion.
     :param arrays: those of compiled code; it writes to ``shape``, and see :func:`polynomial_arrays`.
     """
 
     kind: int
     before: Sequence[Call]
     after: Sequence[Call]
-    error_order: int
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+Polynomial = Literal["as set", "mean", "line", "points", "slopes", "port"]
+"""Polynomial that an input follows within a step: the FMU's own, from values at communication points; the mean of both
+ends; the line between them; the cubic through four points; that through values and slopes at both ends; the quintic
+through values, rates and accelerations of a port."""
+
+_ERROR_ORDERS: Mapping[Polynomial, int] = {"as set": 1, "mean": 2, "line": 2, "points": 4, "slopes": 4, "port": 6}
+"""Order in H of the error of each."""
 
 
 class Gains(NamedTuple):
@@ -90,6 +97,8 @@ class Node:
 
     :param cycle: components that are solved together with it, itself among them; empty outside of cycles.
     :param prescribed: its inputs hold or extrapolate, as the user has said.
+    :ivar polynomials: those that its inputs follow, whoever asks.
+    :ivar error_order: order in H of the error of the coarsest of them.
     """
 
     def __init__(
@@ -123,8 +132,11 @@ class Node:
         self._slope_values, self._rate_values = np.zeros(len(outputs)), np.zeros(len(inputs))
         read_slopes = self._prepare_output_derivatives()
         moves_as_set = prescribed or part.fmu.has_sampled_outputs  # which reads inputs at communication points
-        self._motion = motion = self._input_motion_calls(None if moves_as_set else part.approximation.interface)
-        self.error_order = motion.error_order
+        interface = None if moves_as_set else part.approximation.interface
+        self.polynomials: list[Polynomial] = [self._polynomial(k, interface) for k in range(len(inputs))]
+        self._motion = motion = self._input_motion_calls(interface)
+        orders = map(_ERROR_ORDERS.__getitem__, self.polynomials)
+        self.error_order = 1 if interface is None else min(orders, default=6)
         move = [*motion.before, instance.stepper(bus.start, bus.size)]
         self._step: list[Call] = [*move, *motion.after, *self._get, *read_slopes]
         self._calls: dict[Phase, list[Call]] = {
@@ -134,29 +146,41 @@ class Node:
             "step": [*instance.save_and_restore_calls(), *self._step] if cycle else self._step,
         }
 
+    def _polynomial(self, k: int, interface: InputInterface | None) -> Polynomial:
+        """The polynomial of the k-th input, by the interface and what is known of its source."""
+        data, signals = self.curves[k].data, self._signals
+        if interface is None:
+            return "as set"
+        if interface == "mean value":
+            return "mean"
+        is_port = len(data) == 3
+        if interface == "end value":  # the FMU interpolates itself
+            return "port" if is_port and Port(self.part, self.inputs[k].name).motion_and_order()[0] else "line"
+        if not self.part.approximation.takes_every_order or len(data) == 1:
+            return "line"
+        return "port" if is_port else "slopes" if signals.references[data[0]][0] in signals.sloped else "points"
+
     def _input_motion_calls(self, interface: InputInterface | None) -> InputMotionCalls:
         """Prepare the calls that hand over the motion of inputs; None: they move as the user has prescribed."""
         instance, inputs, put = self._instance, self.inputs, self._put
         if interface is None:
-            return InputMotionCalls(AS_SET, [], put, 1)
-        if interface == "end value":  # triples quintic, others linear
-            order = min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-            return InputMotionCalls(AS_SET, put, [], order)
+            return InputMotionCalls(AS_SET, [], put)
+        if interface == "end value":
+            return InputMotionCalls(AS_SET, put, [])
         if not inputs:
-            return InputMotionCalls(AS_SET, [], [], 6)
+            return InputMotionCalls(AS_SET, [], [])
         if interface == "mean value":
             means = np.empty(len(inputs))
-            return InputMotionCalls(MEAN, [instance.setter(inputs, means)], put, 2, {"shape": means})
-        every = self.part.approximation.takes_every_order
-        order = min(2 * len(curve.data) for curve in self.curves) if every else 2
-        terms, arrays = polynomial_arrays(self.curves, self._signals.zero, HIGHEST if every else 1)
+            return InputMotionCalls(MEAN, [instance.setter(inputs, means)], put, {"shape": means})
+        highest = HIGHEST if self.part.approximation.takes_every_order else 1
+        terms, arrays = polynomial_arrays(self.curves, self._signals.zero, highest)
         if interface == "intermediate update":
             values = np.empty((INTERMEDIATE_INSTANTS, len(inputs)))
             update = instance.prepare_intermediate_inputs(inputs, values)
-            return InputMotionCalls(AT_INSTANTS, [update], put, order, {"shape": values, **arrays})
+            return InputMotionCalls(AT_INSTANTS, [update], put, {"shape": values, **arrays})
         derivatives = np.empty(len(terms))
         set_derivatives = self._input_derivatives_call(terms, derivatives)
-        return InputMotionCalls(POLYNOMIAL, [set_derivatives], put, order, {"shape": derivatives, **arrays})
+        return InputMotionCalls(POLYNOMIAL, [set_derivatives], put, {"shape": derivatives, **arrays})
 
     def _prepare_output_derivatives(self) -> list[Call]:
         """Prepare the calls that set the rates of inputs and read those of outputs."""
