@@ -80,8 +80,7 @@ def file_identity(path: Path) -> tuple[int, ...]:
 class Archive:
     """An open archive, a context manager.
 
-    :ivar names: its files.
-    :ivar size: their size in bytes, according to the directory.
+    :ivar size: of its files in bytes, according to the directory.
     :raises SimulationError: if it is missing, damaged, encrypted or too big, or has names that lead out of a folder,
         links, contradictory duplicates, or a compression that FMI and SSP do not have.  All methods raise it, too.
     """
@@ -92,9 +91,6 @@ class Archive:
         with ExitStack() as stack, self._translated_errors(Exception):  # anything in an untrusted file
             self._zip = stack.enter_context(ZipFile(stack.enter_context(_DirectoryLimitedFile(path))))
             self._members = self._checked_members()
-            self.names = [name for name in self._members if not name.endswith("/")]
-            self.folders = [name for name in self._members if name.endswith("/")]
-            self.size = sum(member.file_size for member in self._members.values())
             if self.size > unpacked_limit():
                 raise size_error(str(path), self.size)
             self._stack = stack.pop_all()
@@ -110,6 +106,16 @@ class Archive:
         """Yield an open file of the archive."""
         with self._translated_errors(*_DAMAGE), self._zip.open(self._members[name]) as file:
             yield file
+
+    @property
+    def names(self) -> list[str]:
+        """Names of its files."""
+        return [name for name in self._members if not name.endswith("/")]
+
+    @property
+    def folders(self) -> list[str]:
+        """Names of its folders, which end with a slash."""
+        return [name for name in self._members if name.endswith("/")]
 
     def unpacked_size(self, name: str) -> int:
         """Size of a file of the archive in bytes, unpacked."""
@@ -149,6 +155,7 @@ class Archive:
     def _checked_members(self) -> dict[str, ZipInfo]:
         """Members of the archive by name; raises a SimulationError for unsafe, unreadable or contradictory ones."""
         members: dict[str, ZipInfo] = {}
+        self.size = 0
         listed = self._zip.infolist()
         if len(listed) > _MOST_MEMBERS:
             raise SimulationError(f"{self.path}: has {len(listed)} files inside; no more than {_MOST_MEMBERS} are read")
@@ -159,6 +166,7 @@ class Archive:
                 reason = "is there twice"
             if reason:
                 raise SimulationError(f"{self.path}: {shown(member.orig_filename)} inside {reason}; export it anew")
+            self.size += 0 if member.filename in members else member.file_size
             members[member.filename] = member
         return members
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from liaisons.base.files import atomic_replacement
 
+_ENTRIES = "entries"  # folder of the entries in that of the cache
 _LARGEST = 2**27  # bytes of all entries that are stored, those that were used last
 _CHECKSUM = 32  # bytes of SHA-256
 _BLOCK = 2**12  # bytes that a file takes beside its content, at most
@@ -53,7 +54,7 @@ def add_trusted_fmu(key: str) -> None:
 
 def read_entry(key: str) -> bytes | None:
     """Content of an entry; None if there is none, or a damaged one."""
-    path = _entries_folder() / key
+    path = folder() / _ENTRIES / key
     with suppress(OSError):
         content = path.read_bytes() if key not in _entries else b""
         if content[:_CHECKSUM] == sha256(content[_CHECKSUM:]).digest():
@@ -66,16 +67,12 @@ def write_entry(key: str, content: bytes) -> None:
     """Store an entry; where the cache cannot be written, for this process only."""
     _entries[key] = content
     with suppress(OSError):
-        _entries_folder().mkdir(parents=True, exist_ok=True)
-        with atomic_replacement(_entries_folder() / key) as part:
+        entries = folder() / _ENTRIES
+        entries.mkdir(parents=True, exist_ok=True)
+        with atomic_replacement(entries / key) as part:
             part.write_bytes(sha256(content).digest() + content)
         used = sum(_BLOCK + len(each) for each in _entries.values())
-        _remove_least_recent(_entries_folder(), 8 * used // _LARGEST)
-
-
-def _entries_folder() -> Path:
-    """Path of the folder of entries."""
-    return folder() / "entries"
+        _remove_least_recent(entries, 8 * used // _LARGEST)
 
 
 @lru_cache(maxsize=1)

@@ -41,18 +41,18 @@ def collected_warnings(*, instead_of: Warnings | None = None) -> Iterator[Warnin
     :param instead_of: a collection that does not get them.
     """
     warnings = Warnings()
-    paused = [other for other in _collecting.get() if other is instead_of]
-    _collecting.set((*(other for other in _collecting.get() if other is not instead_of), warnings))
+    paused = _collecting.get() & {instead_of}
+    _collecting.set(_collecting.get() - paused | {warnings})
     try:
         yield warnings
     finally:  # contexts of several runs may end in any order
-        _collecting.set((*(other for other in _collecting.get() if other is not warnings), *paused))
+        _collecting.set(_collecting.get() - {warnings} | paused)
 
 
 @contextmanager
 def ignored_warnings() -> Iterator[None]:
     """Suppress warnings in the context: they are neither logged nor collected."""
-    token, before = _collecting.set(()), logger.logger.level
+    token, before = _collecting.set(frozenset()), logger.logger.level
     logger.setLevel(logging.ERROR)
     try:
         yield
@@ -73,5 +73,5 @@ class _CollectingLogger(logging.LoggerAdapter[logging.Logger]):
         super().log(level, msg, *args, **{"stacklevel": 2, **kwargs})
 
 
-_collecting: ContextVar[tuple[Warnings, ...]] = ContextVar("collecting", default=())
+_collecting: ContextVar[frozenset[Warnings]] = ContextVar("collecting", default=frozenset())
 logger = _CollectingLogger(logging.getLogger("liaisons.cosim"), {})

@@ -1,11 +1,14 @@
-"""Progress bars in terminals and notebooks."""
+"""What a person sees of a long computation, a progress bar, and does to it: interrupts from the keyboard."""
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from types import FrameType
 
 _PAUSE = 0.1  # [s] between two updates
 
@@ -48,3 +51,26 @@ def progress_bar(title: str, template: str, start: float, end: float) -> Iterato
                 bar.update(task, completed=reached - start, description=description, refresh=True)
 
         yield show
+
+
+@contextmanager
+def deferred_interrupts() -> Iterator[list[int]]:
+    """Yield a list to which the first interrupt from the keyboard is appended; a second one acts at once.
+
+    A communication step is not broken off in its middle, where an FMU of Python code would take it for its own error.
+    """
+    interrupts: list[int] = []
+    usual = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or usual is not signal.default_int_handler:
+        yield interrupts
+        return
+
+    def defer(number: int, _frame: FrameType | None) -> None:
+        interrupts.append(number)
+        signal.signal(signal.SIGINT, usual)
+
+    signal.signal(signal.SIGINT, defer)
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, usual)

@@ -22,10 +22,9 @@ from liaisons.cosim.running.run import Run, run_to_end
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.document import Diagram, SystemDocument
+from liaisons.cosim.structure.document import Diagram, Services, SystemDocument, register
 from liaisons.cosim.structure.scenes import read_result
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.services import Services, register
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import SIGNALS, Signal
 from liaisons.cosim.structures import Record, record_type

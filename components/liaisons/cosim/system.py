@@ -24,9 +24,8 @@ from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
 from liaisons.cosim.structure.components import Components, Port, SystemComponent, time_limit
 from liaisons.cosim.structure.connections import Connection, scalar_connections
-from liaisons.cosim.structure.document import Diagram, SystemDocument
+from liaisons.cosim.structure.document import Diagram, FmuTarget, SystemDocument, fmu_file, services
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.services import FmuTarget, fmu_file, services
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
@@ -106,7 +105,8 @@ class System:
     @property
     def document(self) -> SystemDocument:
         """The system as data: components, connections and experiment."""
-        return SystemDocument(self.name, self.parts, self.connections, self.defaults, files=self._files)
+        parts, connections = dict(self._parts), tuple(self._connections.values())
+        return SystemDocument(self.name, parts, connections, self.defaults, files=self._files)
 
     def add(
         self,
@@ -145,13 +145,17 @@ class System:
     def _add_part(
         self, name: str, fmu: Path | str | SampledFunction, starts: Mapping[str, object], *, isolated: bool | float
     ) -> SystemComponent:
-        operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
-        own = {start: value for start, value in starts.items() if start not in operators}
-        part = SystemComponent.read(name, fmu, own, isolated=isolated)
-        self._parts[name] = part
+        own: dict[str, object] = {}
+        operators: dict[str, OperatorFmu] = {}
+        for start, value in starts.items():
+            if isinstance(value, OperatorFmu):
+                operators[start] = value
+            else:
+                own[start] = value
+        part = self._parts[name] = SystemComponent.read(name, fmu, own, isolated=isolated)
         if isinstance(fmu, SampledFunction):
             self._connect_variables(part, {**fmu.inputs, **fmu.outputs})
-        return self.prescribe(name, operators)
+        return self.prescribe(name, operators) if operators else part
 
     def _connect_variables(self, part: SystemComponent, variables: Mapping[str, str]) -> None:
         """Connect ports with variables ``"component.variable"`` of others; on an error, remove the component."""

@@ -355,13 +355,13 @@ def fmu_file(target: Target) -> Path:
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
-    if not _is_source(path.name) and not is_named(str(target)):
-        raise ProjectError(
-            f"{str(target)!r} is neither a file nor a component{suggestion(str(target), component_names())}"
-        )
     name = str(target)
-    unchanged = fmus_directory() / f"{name}.fmu"
-    return unchanged if name in catalogue_names() and is_unchanged(unchanged) else fmu_path(target)
+    if name in own_components():
+        unchanged = fmus_directory() / f"{name}.fmu"
+        return unchanged if is_unchanged(unchanged) else fmu_path(target)
+    if not _is_source(path.name) and not is_named(name):
+        raise ProjectError(f"{name!r} is neither a file nor a component{suggestion(name, component_names())}")
+    return fmu_path(target)
 
 
 def _is_source(name: str) -> bool:

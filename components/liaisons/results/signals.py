@@ -43,8 +43,10 @@ class LabelledSignals:
         for numbers in (self.time, self.values, self.coupling_error):
             if numbers is not None:
                 numbers.flags.writeable = False
-        arrays = {name: self.units.get(self.element(name), "") for name in self._arrays}
-        object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
+        units = dict(self.units)
+        for name in self._arrays:
+            units[name] = self.units.get(self.element(name), "")
+        object.__setattr__(self, "units", MappingProxyType(units))
         object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
 
     def __reduce__(self) -> tuple[type[LabelledSignals], tuple[Any, ...]]:
@@ -185,15 +187,20 @@ class LabelledSignals:
     @cached_property
     def _row_by_name(self) -> dict[str, int]:
         """Index of the row of each signal, by name."""
-        return {name: row for row, name in enumerate(self.names)}
+        return dict(zip(self.names, range(len(self.names)), strict=True))
 
     @cached_property
     def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
         """Indices of rows, and shape, of each array whose elements are all recorded, by name."""
-        elements: dict[str, list[tuple[int, Shape]]] = {}
+        elements: dict[str, tuple[list[int], list[Shape]]] = {}
         for name, row in self._row_by_name.items():
             base, index = array_and_index(name)
             if index is not None and base not in self._row_by_name:
-                elements.setdefault(base, []).append((row, index))
-        shapes = {base: complete_shape([index for _, index in pairs]) for base, pairs in elements.items()}
-        return {base: ([row for row, _ in elements[base]], shape) for base, shape in shapes.items() if shape}
+                rows, indices = elements.setdefault(base, ([], []))
+                rows.append(row)
+                indices.append(index)
+        arrays: dict[str, tuple[list[int], Shape]] = {}
+        for base, (rows, indices) in elements.items():
+            if shape := complete_shape(indices):
+                arrays[base] = rows, shape
+        return arrays

@@ -16,8 +16,8 @@ from liaisons import Result, System, Verdict, fmu_path, verdict
 from liaisons.base.arguments import check_positive, merged_start_values, name_dictionary, shown
 from liaisons.base.array_names import by_name
 from liaisons.base.arrays import Floats
+from liaisons.base.clocks import check_memory
 from liaisons.base.logs import ignored_warnings, logger
-from liaisons.base.memory import check_memory
 from liaisons.base.port_names import port_names
 from liaisons.cosim import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError, suggestion

@@ -29,16 +29,16 @@ def _program(text: str) -> list[Any]:
 
 @pytest.mark.parametrize("names", ["abc", "cba", "bca"])
 def test_sources_come_before_what_they_feed(names: str) -> None:
-    assert schedule.execution_order(list(names), CHAIN) == ["a", "b", "c"]
+    assert schedule.strong_components(names, CHAIN) == [["a"], ["b"], ["c"]]
 
 
 def test_order_of_addition_decides_where_connections_do_not() -> None:
-    assert schedule.execution_order(["z", "y", "x"], {}) == ["z", "y", "x"]
+    assert schedule.strong_components(["z", "y", "x"], {}) == [["z"], ["y"], ["x"]]
 
 
 def test_cycle_keeps_the_order_of_addition_between_its_source_and_its_sink() -> None:
     feeds = {**RING, ("a", "w"): ("source", "y"), ("sink", "u"): ("a", "y")}
-    assert schedule.execution_order(["sink", "b", "a", "source"], feeds) == ["source", "b", "a", "sink"]
+    assert schedule.strong_components(["sink", "b", "a", "source"], feeds) == [["source"], ["b", "a"], ["sink"]]
 
 
 def _of_b(output: VariableReference, _input: VariableReference) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from liaisons import System
-from liaisons.base import memory
+from liaisons.base import clocks
 from liaisons.cosim import Result, simulate
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path
@@ -97,7 +97,7 @@ def test_a_file_in_a_locked_folder_is_written_into(tmp_path: Path, monkeypatch: 
 
 def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPatch, fmus: Path) -> None:
     monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
-    monkeypatch.setattr(memory, "_free_memory", lambda: 2e8)
+    monkeypatch.setattr(clocks, "_free_memory", lambda: 2e8)
     pendulum = fmu_path("Pendulum")
     with monkeypatch.context() as patch:
         patch.setattr("liaisons.cosim.system.run_to_end", lambda simulation, **_: len(simulation.times))

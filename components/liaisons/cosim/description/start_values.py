@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -33,9 +33,9 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
     :raises SimulationError: for an unknown variable, one that cannot be set, and a value of wrong type or shape, or
         not finite.
     """
-    values: dict[str, Start | list[Start]] = {}
+    values: dict[str, Start | list[Start] | tuple[Start, ...]] = {}
     for name, start in starts.items():
-        if name in fmu.arrays:
+        if isinstance(fmu.variables.entries.get(name), Array):
             values[name] = _array_value(owner, fmu, name, start)
             continue
         value = _scalar_value(owner, fmu, name, start)
@@ -53,7 +53,10 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
         assert isinstance(whole, list)
         assert position is not None
         whole[position] = value
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    for name, value in values.items():
+        if isinstance(value, list):
+            values[name] = tuple(value)
+    return cast("dict[str, Value]", values)
 
 
 def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
@@ -61,35 +64,40 @@ def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict
 
     :raises SimulationError: for one that cannot be set, or a value that is not an integer.
     """
-    scalars = {name: entry for name in starts if isinstance(entry := fmu.variables.entries.get(name), Scalar)}
-    changed = [name for name, scalar in scalars.items() if scalar.is_structural and scalar.type == "Integer"]
-    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed}
+    sizes: dict[str, int] = {}
+    for name, start in starts.items():
+        entry = fmu.variables.entries.get(name)
+        if isinstance(entry, Scalar) and entry.is_structural and entry.type == "Integer":
+            sizes[name] = int(_scalar_value(owner, fmu, name, start))
+    return sizes
 
 
 def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
     if name not in fmu.variables:
         raise SimulationError(f"{owner}: {fmu.unknown_variable_message(name)}")
     variable = fmu.variables[name]
-    _check_settable(owner, fmu, variable, name, value)
-    return _convert(f"{owner}.{name} = {shown(value)}", variable, value)
+    if not variable.settable:
+        raise _unsettable_error(owner, fmu, variable, name, value)
+    return _convert(f"{owner}.{name}", variable, value)
 
 
 def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
-    _check_settable(owner, fmu, entry.prototype, name, start)
-    label = f"{owner}.{name} = {shown(start)}"
+    if not entry.prototype.settable:
+        raise _unsettable_error(owner, fmu, entry.prototype, name, start)
+    label = f"{owner}.{name}"
     elements = np.asarray(start, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
         return [_convert(label, entry.prototype, elements.item())] * entry.size
     if elements.shape != entry.shape:
-        received = "×".join(map(str, elements.shape))
+        received, wanted = ("×".join(map(str, shape)) for shape in (elements.shape, entry.shape))
         raise InvalidValueError(
-            f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one for each, "
+            f"{label} = {shown(start)}: {received} values, but the array has {wanted}; give one for each, "
             "or one number for all"
         )
     return [
-        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.prototype, value)
+        _convert(f"{label}[{index}]", entry.prototype, value)
         for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
     ]
 
@@ -107,13 +115,11 @@ def _described_starts(entry: Array) -> Any:
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 
 
-def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
-    """Raise an error if a variable cannot have a start value."""
-    if variable.settable:
-        return
+def _unsettable_error(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> SimulationError:
+    """Error for a start value of a variable that cannot have one."""
     settable = [n for n, entry in fmu.variables.entries.items() if entry.prototype.settable]
     why = "is fixed" if variable.is_structural else "is calculated"
-    raise InvalidValueError(
+    return InvalidValueError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
     )
@@ -121,18 +127,20 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
 
 def _convert(label: str, variable: Scalar, value: Any) -> Start:
     """Start value in the type of its variable, checked."""
-    kind = variable.type
+    kind, problem = variable.type, ""
+    takes, convert, words = _TAKES.get(kind, (object, str, ""))
     if kind not in _TAKES:
-        raise InvalidValueError(f"{label}: {kind} variables cannot be set here")
-    takes, convert, words = _TAKES[kind]
-    if not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
-        raise InvalidValueError(f"{label}: expected {words}, got {type(value).__name__}")
-    if kind == "Real" and not math.isfinite(value):
-        raise InvalidValueError(f"{label}: expected a finite number")
-    if takes is numbers.Integral:
+        problem = f"{kind} variables cannot be set here"
+    elif not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
+        problem = f"expected {words}, got {type(value).__name__}"
+    elif kind == "Real" and not math.isfinite(value):
+        problem = "expected a finite number"
+    elif takes is numbers.Integral:
         least, most = integer_range(variable.base)
         if not least <= value <= most:
-            raise InvalidValueError(f"{label}: outside {variable.base}, {least} to {most}")
+            problem = f"outside {variable.base}, {least} to {most}"
+    if problem:
+        raise InvalidValueError(f"{label} = {shown(value)}: {problem}")
     return convert(value)
 
 

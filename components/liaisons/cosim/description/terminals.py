@@ -71,10 +71,10 @@ class TerminalDescription:
     @property
     def motion(self) -> tuple[str, str, str] | None:
         """Names of the variables of value, rate and acceleration; None unless the terminal has all three."""
-        if not all(name in self.members for name in _MOTION):
+        value, rate, acceleration = map(self.members.get, _MOTION)
+        if value is None or rate is None or acceleration is None:
             return None
-        value, rate, acceleration = (self.members[name].variable for name in _MOTION)
-        return value, rate, acceleration
+        return value.variable, rate.variable, acceleration.variable
 
     @property
     def force(self) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
@@ -142,10 +143,10 @@ class Kernel:
         self, simulation: Simulation, instances: Mapping[str, Instance], watched: Iterable[VariableReference]
     ) -> None:
         self.simulation, self.instances = simulation, instances
-        parts, feeds = simulation.parts, simulation.feeds
+        feeds = simulation.feeds
         ports = (simulation.port_and_order(source)[0] for source in feeds.values() if simulation.iterates)
         also = [reference for triple in ports for reference in triple]
-        order = schedule.execution_order([SIGNALS, *parts], feeds)
+        order = [SIGNALS, *chain.from_iterable(simulation.strong_components)]
         self.bus = bus = Bus(order, feeds, also, [*simulation.recorded.values(), *watched], simulation.conversions)
         if simulation.iterates:
             from liaisons.cosim.coupling.implicit import Coupled  # which needs SciPy

@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_positive, merged_start_values, name_list
 from liaisons.base.folders import temporary_folder
-from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.logs import collected_warnings
-from liaisons.base.progress import progress_bar
+from liaisons.base.progress import deferred_interrupts, progress_bar
 from liaisons.base.published import registered
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance

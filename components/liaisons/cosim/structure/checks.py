@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import final, get_args
 
 import numpy as np
@@ -51,12 +52,15 @@ class ConnectionGraph:
     @cached_property
     def cyclic(self) -> Collection[str]:
         """Names of the components in cycles of connections."""
-        own = {target for (target, _), (source, _) in self.feeds.items() if target == source}
-        return {name for group in self.strong_components for name in group if len(group) > 1 or name in own}
+        cyclic = {target for (target, _), (source, _) in self.feeds.items() if target == source}
+        for group in self.strong_components:
+            if len(group) > 1:
+                cyclic.update(group)
+        return cyclic
 
     def late_inputs(self, coupling: Coupling) -> Collection[VariableReference]:
         """Connected inputs whose value at the end of a step is unknown when their component is stepped."""
-        return schedule.late_inputs([name for group in self.strong_components for name in group], self.feeds, coupling)
+        return schedule.late_inputs([*chain.from_iterable(self.strong_components)], self.feeds, coupling)
 
     @cached_property
     def algebraic_loops(self) -> Sequence[str]:
@@ -81,25 +85,18 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
     two_ways = [connection for connection in connections if connection.is_reaction]
     reduces_error = two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))
     if requested in ITERATING or (requested is None and reduces_error):
-        stuck = (name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state)
-        hurdles = [
-            f"{name} ({parts[name].fmu.path.name}) cannot go back: canGetAndSetFMUstate is false" for name in stuck
-        ]
-        if requested is None:
-            hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-        if compiled.step_library() is None:
-            hurdles.append(no_compiler_message())
-        if not hurdles:
+        hurdle = _hurdle(parts, chain.from_iterable(cycles), connections if requested is None else ())
+        if hurdle is None:
             return requested or "implicit"
         if requested is not None:
             raise SimulationError(
-                f"coupling = {requested!r} repeats steps by compiled code, but {hurdles[0]}; or choose "
+                f"coupling = {requested!r} repeats steps by compiled code, but {hurdle}; or choose "
                 "coupling='gauss-seidel'"
             )
         logger.warning(
             "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
             two_ways[0].source if two_ways else "a signal",
-            hurdles[0],
+            hurdle,
             ", unstable where effective masses are large" if two_ways else "",
         )
     for group in cycles:
@@ -114,14 +111,31 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
     return requested or "gauss-seidel"
 
 
+def _hurdle(parts: Components, cyclic: Iterable[str], connections: Iterable[Connection]) -> str | None:
+    """What keeps components from repeating steps, or connections from handing values on in them; None: nothing."""
+    for name in cyclic:
+        if not parts[name].fmu.can_get_and_set_state:
+            return f"{name} ({parts[name].fmu.path.name}) cannot go back: canGetAndSetFMUstate is false"
+    for connection in connections:
+        if connection.conversion != SAME:
+            return f"{connection} converts values"
+    return no_compiler_message() if compiled.step_library() is None else None
+
+
 def _reduces_error(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:
     """Whether implicit coupling reduces the error of a system without cycles, and can transfer all signals."""
-    if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
-        return False
-    if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
-        return False
-    fed = {connection.target.reference[0] for connection in connections if connection.source.variable.continuous}
-    return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
+    fed: set[str] = set()
+    for connection in connections:
+        signal = connection.source.variable
+        if signal.type != "Real" or connection.conversion != SAME:
+            return False
+        if signal.continuous:
+            fed.add(connection.target.part.name)
+    for owner, name in driven:
+        if parts[owner].fmu.variables[name].type != "Real":
+            return False
+        fed.add(owner)
+    return any(parts[name].approximation.follows_polynomials for name in fed)
 
 
 def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
@@ -130,18 +144,18 @@ def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
     :raises SimulationError: for the first connection that it cannot transfer.
     """
     for connection in connections:
-        apart = [end.part.name for end in (connection.source, connection.target) if end.part.isolated]
-        if apart and connection.source.variable.type == "String":
-            raise SimulationError(
-                f"{connection} carries strings, which isolated FMUs cannot exchange: do not isolate {apart[0]}"
-            )
-    for connection in connections if chosen in ITERATING else ():
-        if connection.source.variable.type != "Real":
+        kind = connection.source.variable.type
+        for end in (connection.source, connection.target) if kind == "String" else ():
+            if end.part.isolated:
+                raise SimulationError(
+                    f"{connection} carries strings, which isolated FMUs cannot exchange: do not isolate {end.part.name}"
+                )
+        if chosen in ITERATING and kind != "Real":
             raise SimulationError(
                 f"coupling={chosen!r} carries reals only, but {connection.source} -> {connection.target} is of type "
-                f"{connection.source.variable.type}: choose coupling='gauss-seidel'"
+                f"{kind}: choose coupling='gauss-seidel'"
             )
-        if connection.conversion != SAME:
+        if chosen in ITERATING and connection.conversion != SAME:
             raise SimulationError(
                 f"coupling={chosen!r} carries values as they are, but {connection} converts them: choose "
                 "coupling='gauss-seidel'"
@@ -167,16 +181,16 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
         delayed = {name for name, _ in (*graph.late_inputs(chosen), *(driven if chosen == "jacobi" else ()))}
         connected = {*feeds, *driven}
-        partial = {name for name, variable in connected if not _rates_are_fed(parts[name], variable, connected)}
+        partial = {name for name, variable in connected if _unfed_ends(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
         return {
             name: part.interpolating_copy() if name in able and _extrapolates_by_default(part) else part
             for name, part in parts.items()
         }
-    fed = {name for name, _ in feeds}
     ready = dict(parts)
-    for name, part in parts.items():
-        if name not in fed or part.approximation.method is None or part.approximation.interface != "mean value":
+    for name, _ in feeds:
+        part = ready[name]
+        if part.approximation.method is None or part.approximation.interface != "mean value":
             continue
         if part.approximation.is_chosen and name not in graph.cyclic:
             continue
@@ -196,10 +210,11 @@ def _extrapolates_by_default(part: SystemComponent) -> bool:
     )
 
 
-def _rates_are_fed(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
-    """Whether rate and acceleration of an input are among the fed inputs, too, if it has any."""
-    triple, _ = Port(part, name).motion_and_order()
-    return all(port.reference in fed for port in triple or ())
+def _unfed_ends(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> list[str]:
+    """Names of value, rate and acceleration of an input's port that are not among the fed inputs."""
+    port = part.fmu.terminals.port(name)
+    motion = (port and port.motion) or ()
+    return [end for end in motion if (part.name, end) not in fed] if name in motion else []
 
 
 def check_steps(
@@ -214,7 +229,7 @@ def check_steps(
 
     :raises SimulationError: for the first FMU that cannot, with the capability that it lacks.
     """
-    for name, variable in graph.late_inputs(chosen):
+    for name, variable in () if chosen in ITERATING else graph.late_inputs(chosen):
         if parts[name].approximation.takes_end_values:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
@@ -265,17 +280,11 @@ def check_input_sources(parts: Components, graph: ConnectionGraph) -> None:
                     f"set {variable}=... where {name} is added"
                 )
     for name, variable in feeds:
-        triple, order = Port(parts[name], variable).motion_and_order()
-        if triple and order == 0:
-            missing = [end for end in triple if end.reference not in fed and end.name not in parts[name].starts]
-            if missing and parts[name].approximation.method != 0:
-                logger.warning(
-                    "%s.%s is fed, but %s is not and has to be derived: connect the whole port, or set %s=0 (hold)",
-                    name,
-                    variable,
-                    missing[0],
-                    INPUT_RECONSTRUCTION,
-                )
+        part = parts[name]
+        missing = [end for end in _unfed_ends(part, variable, fed) if end not in part.starts]
+        if missing and part.approximation.method != 0 and Port(part, variable).triple():
+            words = "%s.%s is fed, but %s.%s is not and has to be derived: connect the whole port, or set %s=0 (hold)"
+            logger.warning(words, name, variable, name, missing[0], INPUT_RECONSTRUCTION)
 
 
 _VARIABLE_STEP = "canHandleVariableCommunicationStepSize"

@@ -99,8 +99,10 @@ class SystemComponent:
         """
         is_function = isinstance(path, SampledFunction)
         fmu = path.description() if is_function else read(as_path(f"{name}: fmu", path))
-        with start_value_hints(fmu.variables):
-            limit = time_limit(f"{name}: isolated =", isolated)
+        limit = 0.0
+        if isolated is not False:
+            with start_value_hints(fmu.variables):
+                limit = time_limit(f"{name}: isolated =", isolated)
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
         return cls(name, fmu, start_values(name, fmu, starts), limit)
@@ -239,7 +241,8 @@ class Port:
     @property
     def exists(self) -> bool:
         """Whether the name is that of a variable or an array, not of a terminal such as a point."""
-        return self.is_array or self.name in self.part.fmu.variables
+        variables = self.part.fmu.variables
+        return self.name in variables.entries or self.name in variables
 
     def elements(self) -> list[Port]:
         """Ports of the elements of an array; of a scalar, its own.
@@ -278,8 +281,9 @@ class Port:
         motion = port and port.motion
         if not motion or self.name not in motion:
             return None, 0
-        value, rate, acceleration = (Port(self.part, name) for name in motion)
-        return (value, rate, acceleration), motion.index(self.name)
+        value, rate, acceleration = motion
+        triple = Port(self.part, value), Port(self.part, rate), Port(self.part, acceleration)
+        return triple, motion.index(self.name)
 
     def __str__(self) -> str:
         return f"{self.part.name}.{self.name}"

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final
 
 from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.description.start_values import integer_range
@@ -36,13 +36,17 @@ class Connection:
     conversion: Conversion = SAME
 
     @classmethod
-    def between(cls, first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
+    def between(
+        cls, first: Port, second: Port, conversion: Conversion | None = None, *, sums_to_zero: bool = False
+    ) -> Connection:
         """Connection of two scalars, in either order.
 
         :param conversion: from output to input; if None, that of their units.
+        :param sums_to_zero: whether the input is that times -1, as of flows.
         :raises ConnectError: if they do not fit; the message names both.
         """
-        source, target = _source_and_target(first, second)
+        turned = (first.variable.causality, second.variable.causality) == ("input", "output")
+        source, target = (second, first) if turned else (first, second)
         causalities = source.variable.causality, target.variable.causality
         if causalities != ("output", "input"):
             hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
@@ -57,6 +61,8 @@ class Connection:
                 "type; of integers, the input may have the wider range, or be a real"
             )
         conversion = _unit_conversion(source, target) if conversion is None else conversion
+        if sums_to_zero:
+            conversion = conversion.then(Conversion(-1.0))
         if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
             raise ConnectError(
                 f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
@@ -67,13 +73,19 @@ class Connection:
     @property
     def is_reaction(self) -> bool:
         """Whether it feeds the force of a moved mechanism back to its mover, so that the port is bidirectional."""
-        return all(port.force == port.name for port in (self.source, self.target))
+        return self._joins("force")
 
     @property
     def is_impulse(self) -> bool:
         """Whether it feeds the impulses of a moved mechanism back to its mover."""
-        ends = self.source, self.target
-        return all(port.terminal is not None and port.terminal.impulse == port.name for port in ends)
+        return self._joins("impulse")
+
+    def _joins(self, member: Literal["force", "impulse"]) -> bool:
+        """Whether both ends are this member of their terminals."""
+        source, target = self.source.terminal, self.target.terminal
+        if source is None or target is None:
+            return False
+        return getattr(source, member) == self.source.name and getattr(target, member) == self.target.name
 
     def __str__(self) -> str:
         factor, offset = (f"{number:.10g}" for number in self.conversion)
@@ -100,11 +112,6 @@ def scalar_connections(first: Port, second: Port) -> list[Connection]:
         return [Connection.between(first, second)]
     none = TerminalDescription("")
     return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
-
-
-def _source_and_target(first: Port, second: Port) -> tuple[Port, Port]:
-    turned = (first.variable.causality, second.variable.causality) == ("input", "output")
-    return (second, first) if turned else (first, second)
 
 
 def _element_pairs(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
@@ -146,13 +153,8 @@ def _terminal_connections(
     for name in members:
         member, counterpart = one.members[name], other.members[name]
         ends = Port(first.part, member.variable), Port(second.part, counterpart.variable)
-        for output, input_ in (_source_and_target(*pair) for pair in _element_pairs(*ends)):
-            opposite = (
-                _unit_conversion(output, input_).then(Conversion(-1.0))
-                if member.sums_to_zero_with(counterpart)
-                else None
-            )
-            joined.append(Connection.between(output, input_, opposite))
+        flows = member.sums_to_zero_with(counterpart)
+        joined += [Connection.between(*pair, sums_to_zero=flows) for pair in _element_pairs(*ends)]
     return joined
 
 

@@ -1,24 +1,74 @@
-"""A system as data: components, connections and experiment; runs, archives, live pages, sweeps and diagrams read it."""
+"""A system as data: components, connections and experiment; runs, archives, live pages, sweeps and diagrams read it.
+
+Rooms above register what systems ask them for: FMUs of components by their names, archives, one FMU of a system.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import final
+from typing import Any, TypeAlias, final
 
-from liaisons.base.arguments import name_dictionary
+from liaisons.base.arguments import as_path, name_dictionary
 from liaisons.base.files import replacement_path
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.cosim.structure.connections import Connection, feeds_of
-from liaisons.cosim.structure.scenes import FmuScene, connected_groups
-from liaisons.cosim.structure.schedule import VariableReference, execution_order
-from liaisons.cosim.structure.services import FmuTarget, fmu_file
+from liaisons.cosim.structure.scenes import FmuScene
+from liaisons.cosim.structure.schedule import VariableReference, strong_components
 from liaisons.errors import SimulationError, suggestion
+
+FmuTarget: TypeAlias = "Path | str | type[Any]"
+"""Path of an FMU; or a component by its name, file or class, where :mod:`liaisons.interface` is imported, as by all
+public functions."""
+
+
+@final
+@dataclass(frozen=True)
+class Services:
+    """Functions of rooms above.
+
+    :param fmu_file: a component by its name, file or class, or the path of an FMU -> path of the FMU.
+    :param read_ssp: path of an archive, start values -> :class:`SystemDocument`.
+    :param write_ssp: what :meth:`liaisons.System.write_ssp` calls.
+    :param flatten: what :meth:`liaisons.System.flatten` calls.
+    """
+
+    fmu_file: Callable[[Any], Path]
+    read_ssp: Callable[..., Any]
+    write_ssp: Callable[..., None]
+    flatten: Callable[..., Path]
+
+
+_registered: list[Services] = []
+
+
+def register(services: Services) -> None:
+    """Let systems use the functions of rooms above."""
+    _registered[:] = [services]
+
+
+def services() -> Services:
+    """Functions of rooms above.
+
+    :raises SimulationError: if none are registered, in a program that imports :mod:`liaisons.cosim` alone.
+    """
+    if not _registered:
+        raise SimulationError("liaisons.cosim alone runs FMUs; take System from liaisons")
+    return _registered[0]
+
+
+def fmu_file(label: str, target: FmuTarget) -> Path:
+    """Path of an FMU that is given by its path or, where names are known, by a component.
+
+    :param label: of the argument, for messages.
+    :raises SimulationError: for what is not a path; of names what :func:`liaisons.library.fmu_file` raises.
+    """
+    return _registered[0].fmu_file(target) if _registered else as_path(label, target)  # type: ignore[arg-type]
 
 
 @final
@@ -83,7 +133,8 @@ class SystemDocument:
     @property
     def order(self) -> list[str]:
         """Names of the components, sources before their targets, without reaction forces."""
-        return execution_order(self.parts, feeds_of(c for c in self.connections if not c.is_reaction))
+        feeds = feeds_of(c for c in self.connections if not c.is_reaction)
+        return [name for group in strong_components(self.parts, feeds) for name in group]
 
     @property
     def common_experiment(self) -> DefaultExperiment:
@@ -96,18 +147,9 @@ class SystemDocument:
         return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
 
     @property
-    def prefixes(self) -> dict[str, str]:
-        """Name of each component -> prefix of the names of its variables in results, ``"swing."``."""
-        first = next(iter(self.parts), None)
-        return {name: "" if self.single and name == first else f"{name}." for name in self.parts}
-
-    @property
     def scene(self) -> FmuScene:
         """Picture of the system."""
-        number, prefixes = {name: i for i, name in enumerate(self.parts)}, self.prefixes
-        pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
-        parts = {prefixes[name]: part for name, part in self.parts.items()}
-        return FmuScene(parts, connected_groups(len(parts), pairs))
+        return FmuScene(self.parts, self.connections, single=self.single)
 
     def filled(self) -> SystemDocument:
         """The document itself.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +17,7 @@ from liaisons.base.folders import temporary_folder
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.structure.components import Components, SystemComponent
+from liaisons.cosim.structure.connections import Connection
 from liaisons.errors import SimulationError
 from liaisons.results import Picture, Result, combined_pictures
 
@@ -28,12 +29,28 @@ Values = Mapping[str, Vector]
 class FmuScene:
     """Picture of the FMUs of a result.
 
-    :param parts: components by the prefix of their variables in the result.
-    :param groups: as in :func:`liaisons.results.combined_pictures`.
+    :param components: those of the system, by name.
+    :param connections: theirs.
+    :param single: whether variables of the first have no prefix in the result.
     """
 
-    parts: Components
-    groups: Sequence[Sequence[int]] = ()
+    components: Components
+    connections: Sequence[Connection] = ()
+    single: bool = False
+
+    @cached_property
+    def parts(self) -> Components:
+        """Components by the prefix of their variables in the result, ``"swing."``."""
+        return {"" if self.single and not k else f"{p.name}.": p for k, p in enumerate(self.components.values())}
+
+    @property
+    def groups(self) -> Sequence[Sequence[int]]:
+        """Numbers of the components that are connected with each other."""
+        group = {name: k for k, name in enumerate(self.components)}
+        for connection in self.connections:
+            joined, other = group[connection.source.part.name], group[connection.target.part.name]
+            group = {name: joined if k == other else k for name, k in group.items()}
+        return [[i for i, k in enumerate(group.values()) if k == each] for each in dict.fromkeys(group.values())]
 
     @property
     def picture(self) -> Picture:
@@ -70,16 +87,8 @@ def read_result(path: Path | str, fmu: Path | str, start_values: Mapping[str, ob
     :param start_values: parameters of the simulation that differ from those of the FMU.
     :raises SimulationError: if a file cannot be read.
     """
-    result = Result.from_csv(path)
-    return replace(result, scene=FmuScene({"": SystemComponent.read(Path(fmu).stem, fmu, start_values or {})}))
-
-
-def connected_groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
-    """Groups of the numbers 0, 1, ..., count - 1 that are connected by pairs."""
-    group = list(range(count))
-    for a, b in pairs:
-        group = [group[a] if g == group[b] else g for g in group]
-    return [[i for i in range(count) if group[i] == g] for g in dict.fromkeys(group)]
+    result, part = Result.from_csv(path), SystemComponent.read(Path(fmu).stem, fmu, start_values or {})
+    return replace(result, scene=FmuScene({part.name: part}, single=True))
 
 
 def picture_of(part: SystemComponent) -> Picture:

@@ -51,27 +51,31 @@ def strong_components(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
 
     Names in a strong component, and unconnected ones, keep their order.  (Kosaraju's algorithm.)
     """
-    targets: dict[str, list[str]] = {name: [] for name in names}
-    for target, source in dict.fromkeys((target, source) for (target, _), (source, _) in feeds.items()):
-        targets[source].append(target)
+    targets: dict[str, dict[str, None]] = {name: {} for name in names}
+    for (target, _), (source, _) in feeds.items():
+        targets[source][target] = None
     return _strong_components(targets)
 
 
-def _strong_components(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
+def _strong_components(edges: Mapping[_Vertex, Iterable[_Vertex]]) -> list[list[_Vertex]]:
     """Strongly connected components of a graph in topological order; each keeps the order of its vertices."""
-    number = {node: k for k, node in enumerate(edges)}
+    number = dict(zip(edges, range(len(edges)), strict=True))
     sources: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
     for node, targets in edges.items():
         for target in targets:
             sources[target].append(node)
     seen: set[_Vertex] = set()
     components = [
-        _postorder([node], edges, seen) for node in reversed(_postorder(number, sources, set())) if node not in seen
+        sorted(_postorder([node], edges, seen), key=number.__getitem__)
+        for node in reversed(_postorder(edges, sources, set()))
+        if node not in seen
     ]
-    return [sorted(group, key=number.__getitem__) for group in reversed(components)]
+    return components[::-1]
 
 
-def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], seen: set[_Vertex]) -> list[_Vertex]:
+def _postorder(
+    roots: Iterable[_Vertex], edges: Mapping[_Vertex, Iterable[_Vertex]], seen: set[_Vertex]
+) -> list[_Vertex]:
     """Unseen vertices that are reachable from roots, in postorder; they are added to ``seen``."""
     finished: list[_Vertex] = []
     for root in roots:
@@ -79,13 +83,14 @@ def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]],
         seen.add(root)
         while path:
             name, rest = path[-1]
-            following = next((other for other in rest if other not in seen), None)
-            if following is None:
+            for other in rest:
+                if other not in seen:
+                    seen.add(other)
+                    path.append((other, iter(edges[other])))
+                    break
+            else:
                 finished.append(name)
                 path.pop()
-            else:
-                seen.add(following)
-                path.append((following, iter(edges[following])))
     return finished
 
 
@@ -122,11 +127,6 @@ def _shortest_cycle(
     while cycle[-1] != start:
         cycle.append(before[cycle[-1]])
     return cycle[::-1]
-
-
-def execution_order(names: Iterable[str], feeds: Feeds) -> list[str]:
-    """Names of components in execution order; in a cycle, or without connections, they keep their order."""
-    return [name for group in strong_components(names, feeds) for name in group]
 
 
 def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> list[VariableReference]:

@@ -7,8 +7,9 @@ import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import repeat
 from pathlib import Path
-from typing import Any, TypedDict, final
+from typing import Any, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,6 @@ from liaisons.base.arguments import (
     check_positive,
     checked_stop_and_step,
     float_array,
-    name_dictionary,
     name_list,
 )
 from liaisons.base.array_names import array_and_index
@@ -122,8 +122,10 @@ class Simulation:
     @cached_property
     def feeds(self) -> Feeds:
         """Reference of each fed input -> reference of the output or function of time that feeds it."""
-        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.references, strict=True)}
-        return driven | feeds_of(self.connections)
+        feeds: dict[VariableReference, VariableReference] = {}
+        for drive in self.drives:
+            feeds.update(zip(drive.inputs, drive.references, strict=True))
+        return feeds | feeds_of(self.connections)
 
     @cached_property
     def chosen_reconstructions(self) -> Collection[str]:
@@ -151,8 +153,11 @@ class Simulation:
         """Name of a value in the result -> names of its port there, if :func:`port_names` does not give them."""
         ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
+            renamed = self.parts[part].fmu.terminals.renamed
+            if not renamed:
+                continue
             for name, value in ((recorded, variable), (array_and_index(recorded)[0], array_and_index(variable)[0])):
-                if names := self.parts[part].fmu.terminals.renamed.get(value):
+                if names := renamed.get(value):
                     prefix = name.removesuffix(value)
                     ports[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
         return ports
@@ -179,8 +184,10 @@ class Simulation:
         for c in self.connections:
             for port, other in ((c.source, c.target), (c.target, c.source)) if c.conversion == SAME else ():
                 near[port.reference] = near.get(port.reference) or other.variable.unit
-        own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
-        return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
+        units: dict[str, str] = {}
+        for name, place in self.recorded.items():
+            units[name] = self.parts[place[0]].fmu.variables[place[1]].unit or near.get(place, "")
+        return units
 
     def port_and_order(self, source: VariableReference) -> tuple[list[VariableReference], int]:
         """Value, rate and acceleration of the port of an output, and which derivative the output is.
@@ -221,15 +228,9 @@ def checked_simulation(
     stop_time: float | None = None,
     step_size: float | None = None,
     *,
-    start_time: float | None = None,
-    times: ArrayLike | None = None,
-    tolerance: float | None = None,
-    coupling: Coupling | None = None,
-    error_tolerance: float | None = None,
-    record: str | Iterable[str] | None = None,
-    inputs: Mapping[str, Function] | None = None,
     also: Iterable[str] = (),
     endless: bool = False,
+    **settings: Unpack[Settings],
 ) -> Simulation:
     """Simulation of a system, with checked and complete settings, which :meth:`liaisons.System.simulate` describes.
 
@@ -239,110 +240,87 @@ def checked_simulation(
     :param endless: whether a simulation without a stop time has no end, as that of a run step by step.
     :raises SimulationError: for a bad setting.
     """
-    document.filled()
-    parts, single = document.parts, document.single
-    recorded = _recorded_variables(document, record, also)
-    adaptive = error_tolerance is not None
-    if times is not None:
-        points = _checked_times(times, start_time or None, stop_time, step_size, adaptive=adaptive)
-    else:
-        span = _span(document, start_time, stop_time, step_size, endless=endless)
-        points = _communication_points(*span, len(recorded), adaptive=adaptive, endless=endless)
+    parts, single = document.filled().parts, document.single
+    recorded = _recorded_variables(document, settings.get("record"), also)
+    points = _communication_points(document, stop_time, step_size, settings, len(recorded), endless=endless)
+    tolerance, error_tolerance = settings.get("tolerance"), settings.get("error_tolerance")
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    functions = name_dictionary("inputs", {} if inputs is None else inputs)
-    by_input = {document.reference("input", name): function for name, function in functions.items()}
-    driving = drives(by_input, parts, points[0])
+    driving = drives(document, settings.get("inputs"), points[0])
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
-    impulses = [connection for connection in document.connections if connection.is_impulse]
-    connections = [connection for connection in document.connections if not connection.is_impulse]
-    graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
+    impulses: list[Connection] = []
+    connections: list[Connection] = []
+    for connection in document.connections:
+        (impulses if connection.is_impulse else connections).append(connection)
+    driven: list[VariableReference] = []
+    for drive in driving:
+        driven += drive.inputs
+    graph = checks.ConnectionGraph(parts, connections, driven)
     with collected_warnings() as warned:
-        chosen = checks.choose_coupling(graph, coupling)
-        checks.check_signals(connections, chosen)
-        parts = _checked_components(graph, chosen, points, adaptive=adaptive)
-    asked = (step_size, document.experiment.step_size, times, error_tolerance)
-    chooses = all(one is None for one in asked) and not single and not endless and _can_repeat_steps(parts)
+        coupling = checks.choose_coupling(graph, settings.get("coupling"))
+        checks.check_signals(connections, coupling)
+        parts = checks.prepare_components(graph, coupling)
+        some = points[:2] if isinstance(points, EndlessTimes) else points
+        checks.check_steps(parts, graph, some, coupling, adaptive=error_tolerance is not None)
+        checks.check_input_sources(parts, graph)
+    fixed = step_size or document.experiment.step_size or settings.get("times") is not None or error_tolerance
+    adapts = not (fixed or single or endless or impulses) and coupling in checks.ITERATING
     return Simulation(
         replace(document, parts=parts, connections=connections),
         driving,
         recorded,
         points,
         tolerance,
-        chosen,
+        coupling,
         error_tolerance,
         graph.strong_components,
         graph.cyclic,
-        adapts=chooses and chosen in checks.ITERATING and not impulses,
+        adapts=adapts and all(p.fmu.can_get_and_set_state and p.fmu.variable_step for p in parts.values()),
         impulses=impulses,
         warnings=warned.texts,
     )
 
 
-def _can_repeat_steps(parts: Components) -> bool:
-    return all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
-
-
-def _checked_components(
-    graph: checks.ConnectionGraph, coupling: Coupling, points: Sequence[float], *, adaptive: bool
-) -> Components:
-    """Components with the inputs that a coupling gives them, once steps and sources of inputs are checked."""
-    parts = checks.prepare_components(graph, coupling)
-    some = points[:2] if isinstance(points, EndlessTimes) else points
-    checks.check_steps(parts, graph, some, coupling, adaptive=adaptive)
-    checks.check_input_sources(parts, graph)
-    return parts
-
-
-def _span(
+def _communication_points(
     document: SystemDocument,
-    start: float | None,
     stop: float | None,
     step: float | None,
+    settings: Settings,
+    signals: int,
     *,
     endless: bool,
-) -> tuple[float, float | None, float | None]:
-    """Start time, stop time and step size [s], from the settings, else from the default experiments; None: missing."""
-    parts, single = list(document.parts.values()), document.single
-    own = document.experiment
-    usual = (replace(document, parts={parts[0].name: parts[0]}) if single else document).common_experiment
+) -> Sequence[float]:
+    """Communication points [s], from the settings, else from the default experiments.
+
+    With steps of adapted size these are the start, the end of the first step, and the stop.
+
+    :param signals: number of recorded signals.
+    """
+    start, adaptive = settings.get("start_time"), settings.get("error_tolerance") is not None
+    if (times := settings.get("times")) is not None:
+        return _checked_times(times, start or None, stop, step, adaptive=adaptive)
+    first, single, own = next(iter(document.parts.values())).fmu, document.single, document.experiment
+    usual = first.experiment if single else document.common_experiment
     endless = endless and stop is None
-    usual_start = usual.start_time if own.start_time is None else own.start_time
-    start = (usual_start or 0.0) if start is None else start
-    stop = own.stop_time if stop is None and not endless else stop
+    if start is None:
+        start = (usual.start_time if own.start_time is None else own.start_time) or 0.0
+    if stop is None and not endless:
+        stop = own.stop_time
     if step is None:
         step = usual.step_size if own.step_size is None else own.step_size
-    if step is None and stop is not None and (parts[0].fmu.is_model_exchange or not single):
+    if step is None and stop is not None and (first.is_model_exchange or not single):
         check_finite("stop_time", stop)
         check_finite("start_time", start)
         step = (stop - start) / _POINTS
     missing = "stop_time" if stop is None and not endless else "step_size" if step is None else ""
     if single and missing:
         raise InvalidValueError(f"{document.name}.fmu has no default {missing}: give one")
-    return start, stop, step
-
-
-def _communication_points(
-    start: float,
-    stop: float | None,
-    step: float | None,
-    signals: int,
-    *,
-    adaptive: bool,
-    endless: bool,
-) -> Sequence[float]:
-    """Communication points [s].
-
-    With steps of adapted size these are the start, the end of the first step, and the stop.
-
-    :param signals: number of recorded signals.
-    """
     if adaptive:
         stop, step = checked_stop_and_step(start, stop, step)
         return [float(start), float(min(start + step, stop)), float(stop)]
-    if not endless or stop is not None:
+    if not endless:
         return communication_points(start, stop, step, signals=signals)
     if step is None:
         raise InvalidValueError("give step_size, the distance between communication points")
@@ -373,15 +351,14 @@ def _recorded_variables(
 ) -> dict[str, VariableReference]:
     """Name in the result -> recorded variable; an array is recorded element by element."""
     parts, single = document.parts, document.single
-    names = [] if record is None else name_list("record", record)
-    all_of = () if record is not None else [next(iter(parts))] if single else parts
-    variables = [
-        (name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].transferable_types)
-    ]
-    for full in (*names, *also):
+    references: list[VariableReference] = []
+    if record is None:
+        for owner, part in list(parts.items())[: 1 if single else None]:
+            references += zip(repeat(owner), part.fmu.recorded(part.transferable_types))
+    for full in (*(() if record is None else name_list("record", record)), *also):
         owner, name = document.reference("record", full)
-        variables += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
-    return {variable[1] if single else ".".join(variable): variable for variable in variables}
+        references += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
+    return {variable[1] if single else ".".join(variable): variable for variable in references}
 
 
 def _checked_times(times: ArrayLike, *others: float | None, adaptive: bool) -> Sequence[float]:

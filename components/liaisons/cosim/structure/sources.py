@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import final
@@ -10,12 +9,13 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import shown
+from liaisons.base.arguments import name_dictionary, shown
 from liaisons.base.clocks import time_rounding
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.start_values import integer_range
 from liaisons.cosim.description.variables import NUMBERS
-from liaisons.cosim.structure.components import Components, Port
+from liaisons.cosim.structure.components import Port
+from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -150,16 +150,19 @@ class Drive:
         return values.reshape(-1)
 
 
-def drives(functions: Mapping[VariableReference, Function], parts: Components, start_time: float) -> list[Drive]:
+def drives(document: SystemDocument, inputs: Mapping[str, Function] | None, start_time: float) -> list[Drive]:
     """Drives of inputs; a function that returns three numbers drives value, rate and acceleration of a port.
 
-    :param functions: by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
+    :param inputs: functions by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
     :raises SimulationError: for an unknown input or one that is driven twice, for anything but a function, and for
         breaks that are not numbers.
     """
     sources: list[Drive] = []
-    for (owner, driven_as), function in functions.items():
-        part = parts[owner]
+    driven: set[VariableReference] = set()
+    functions: Mapping[str, Function] = name_dictionary("inputs", {} if inputs is None else inputs)
+    for full_name, function in functions.items():
+        owner, driven_as = document.reference("input", full_name)
+        part = document.parts[owner]
         port = Port(part, driven_as)
         name = driven_as if port.exists else port.value_port.name
         variable = part.scalar(name)
@@ -171,16 +174,15 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
         if not callable(function):
             words = f"{name} = {shown(function)} is not a function of time"
             raise SimulationError(f"inputs: {words}; give a constant as start value")
-        triple = part[name].triple()
-        whole = triple is not None and evaluate(function, name, start_time).ndim > 0
-        inputs = tuple(port.reference for port in triple) if triple and whole else ((owner, name),)
+        triple, order = Port(part, name).motion_and_order()
+        whole = triple is not None and order == 0 and evaluate(function, name, start_time).ndim > 0
+        fed = tuple(port.reference for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else integer_range(variable.base)
-        sources.append(
-            Drive(function, inputs, among, _break_instants(f"inputs: {name}", getattr(function, "breaks", ())))
-        )
-    for fed, count in Counter(input_ for drive in sources for input_ in drive.inputs).items():
-        if count > 1:
-            raise SimulationError(f"inputs: {'.'.join(fed)} is driven twice, by itself and by its port")
+        breaks = _break_instants(f"inputs: {name}", getattr(function, "breaks", ()))
+        sources.append(Drive(function, fed, among, breaks))
+        for twice in driven.intersection(fed):
+            raise SimulationError(f"inputs: {'.'.join(twice)} is driven twice, by itself and by its port")
+        driven.update(fed)
     return sources
 
 
