@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import gamma
 from typing import Literal, final
 
@@ -150,8 +150,8 @@ class Estimate:
         for item in followed:
             alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
         self._alike = [(key, np.array([(item.column, *item.data) for item in items])) for key, items in alike.items()]
-        self._followed = [item for items in alike.values() for item in items]
-        self._names = {column: ".".join(reference) for reference, column in columns.items()}
+        self._followed = [*chain.from_iterable(alike.values())]
+        self._names = dict(zip(columns.values(), map(".".join, columns), strict=True))
         effects = sorted(effect for k, item in enumerate(self._followed) for effect in _error_targets(k, item))
         targets, self._of, gains, once = as_indices(effects).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
@@ -159,18 +159,15 @@ class Estimate:
         self.can_estimate = len(self._targets) > 0
         kinds = np.unique(units, return_inverse=True)[1]
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
-        self._are_angles = np.array([units[column] == "rad" for column in self._targets], dtype=bool)
+        self._are_angles = np.array(units)[self._targets] == "rad"
         self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
         self._kinds, self._units = kinds, units
-        owners = {column: owner for (owner, _), column in columns.items()}
-        self._mechanisms = [
-            _Watched(
-                mechanism,
-                [k for k, item in enumerate(self._followed) if item.column in mechanism.inputs],
-                [k for k in range(len(self._targets)) if owners[int(self._targets[k])] == mechanism.name],
-            )
-            for mechanism in mechanisms
-        ]
+        self._mechanisms: list[_Watched] = []
+        for mechanism in mechanisms:
+            own = {column for (owner, _), column in columns.items() if owner == mechanism.name}
+            items = [k for k, item in enumerate(self._followed) if item.column in mechanism.inputs]
+            reached = [k for k, column in enumerate(self._targets.tolist()) if column in own]
+            self._mechanisms.append(_Watched(mechanism, items, reached))
         self.reset()
 
     def reset(self) -> None:
@@ -191,10 +188,9 @@ class Estimate:
         """
         errors = np.zeros(len(times))
         peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[: len(self._kinds)]
-        kinds = [self._kinds[self._targets[targets[0]]] for targets in self._of_kind]
-        self._sizes = np.array([peaks[self._kinds == kind].max() for kind in kinds])
-        serious = np.zeros(len(times))
-        off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
+        kinds = self._kinds[self._targets]
+        self._sizes = np.array([peaks[self._kinds == kinds[targets[0]]].max() for targets in self._of_kind])
+        serious, contacts = np.zeros(len(times)), np.zeros((2, len(self._mechanisms), len(times)))
         block = max(_POINTS_BEFORE, _NUMBERS // rows.shape[1])
         for first in range(1, len(times), block):
             begin, end = max(first - _POINTS_BEFORE, 0), min(first + block, len(times))
@@ -202,8 +198,8 @@ class Estimate:
             ends = crossing[begin + 1 : end]
             errors[first:end] = self._estimate_block(signals, times[begin:end], first - begin, ends)
             serious[first:end] = self._serious[first - begin - 1 :]
-            off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
-        for watched, *both in zip(self._mechanisms, off, added, strict=True):
+            contacts[:, :, first:end] = self._contacts[:, :, first - begin - 1 :]
+        for watched, *both in zip(self._mechanisms, *contacts, strict=True):
             if np.any(both):
                 increase = self._magnify_by_impacts(watched, rows, times, *both, crossing=crossing)
                 errors, serious = np.fmax(errors, increase), np.fmax(serious, increase)
@@ -285,7 +281,7 @@ class Estimate:
             self._sizes[k] = largest[-1]
             scales[targets] = np.where(largest > 0, largest, 1.0)
         integrals = [_error_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
-        once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
+        once, twice = map(np.concatenate, zip(*integrals, strict=True))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
         has_gain = self._gains >= 0
         added[has_gain] *= signals[self._gains[has_gain], 1:]

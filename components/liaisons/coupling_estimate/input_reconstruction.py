@@ -10,10 +10,21 @@ import numpy as np
 
 from liaisons.cosim import Call, Kernel, Polynomial, Port, Simulation, VariableReference, contact_variables
 from liaisons.coupling_estimate.contacts import ContactMechanism
-from liaisons.coupling_estimate.estimate import InputReconstruction, Shape
+from liaisons.coupling_estimate.estimate import Estimate, InputReconstruction, Shape
 
 
-def prepare_initial_gains(kernel: Kernel) -> list[Call]:
+def coupling_estimate(kernel: Kernel) -> Estimate | None:
+    """Estimate of the errors of a run's steps, for which the bus grows by derivatives; None if none can be estimated.
+
+    :param kernel: the FMUs of the run, before its steps are prepared.
+    """
+    calls, columns = _prepare_initial_gains(kernel), kernel.bus.index
+    units = kernel.simulation.units_of(columns)
+    estimate = Estimate(_input_reconstructions(kernel), columns, units, _contact_mechanisms(kernel), calls)
+    return estimate if estimate.can_estimate else None
+
+
+def _prepare_initial_gains(kernel: Kernel) -> list[Call]:
     """Prepare calls that calculate ∂(acceleration)/∂(input) at the start, where Newton's method does not."""
     simulation, bus, calls = kernel.simulation, kernel.bus, list[Call]()
     solved_inputs = {input_ for _, input_ in bus.gain_columns}
@@ -32,7 +43,7 @@ def prepare_initial_gains(kernel: Kernel) -> list[Call]:
     return calls
 
 
-def contact_mechanisms(kernel: Kernel) -> list[ContactMechanism]:
+def _contact_mechanisms(kernel: Kernel) -> list[ContactMechanism]:
     """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
     bus, mechanisms = kernel.bus, list[ContactMechanism]()
     for name, part in kernel.simulation.parts.items():
@@ -44,7 +55,7 @@ def contact_mechanisms(kernel: Kernel) -> list[ContactMechanism]:
     return mechanisms
 
 
-def input_reconstructions(kernel: Kernel) -> list[InputReconstruction]:
+def _input_reconstructions(kernel: Kernel) -> list[InputReconstruction]:
     """Polynomials that connected inputs follow within a step; none for an input without an effect."""
     simulation, bus, effects, table = kernel.simulation, kernel.bus, _effect_columns(kernel), _PolynomialTable(kernel)
     parts = simulation.parts
@@ -146,8 +157,9 @@ def _effect_columns(kernel: Kernel) -> dict[VariableReference, list[tuple[int, i
     for (output, input_), column in bus.gain_columns.items():
         ports = _rate_and_value(Port(kernel.simulation.parts[output[0]], output[1]))
         if ports is not None:
-            rate, value = (bus.index.get(port.reference, -1) for port in ports)
-            effects.setdefault(input_, []).append((column, rate, value))
+            rate, value = ports
+            columns = column, bus.index.get(rate.reference, -1), bus.index.get(value.reference, -1)
+            effects.setdefault(input_, []).append(columns)
     return effects
 
 

@@ -39,32 +39,20 @@ class InputApproximation:
         Model Exchange.
     :param is_chosen: whether the user has chosen to hold or extrapolate, which takes no values from the end of a step.
     :param takes_every_order: whether it takes derivatives of inputs of every order, not of the first alone.
+    :param holds_by_choice: whether the user has chosen to hold inputs between communication points.
+    :param takes_end_values: whether inputs that are set before a step are their values at its end.
+    :param takes_polynomials: whether the motion of inputs within a step can be handed over as polynomials.
+    :param follows_polynomials: whether they follow these to every order, unless the user has chosen otherwise.
     """
 
     method: int | None
     is_chosen: bool
     interface: InputInterface
     takes_every_order: bool
-
-    @property
-    def takes_end_values(self) -> bool:
-        """Whether inputs that are set before a step are their values at its end, to which the FMU interpolates."""
-        return self.interface == "end value"
-
-    @property
-    def holds_by_choice(self) -> bool:
-        """Whether the user has chosen to hold inputs between communication points."""
-        return self.is_chosen and self.method == 0
-
-    @property
-    def takes_polynomials(self) -> bool:
-        """Whether the motion of inputs within a step can be handed over as polynomials."""
-        return self.interface in {"derivatives", "intermediate update"}
-
-    @property
-    def follows_polynomials(self) -> bool:
-        """Whether inputs follow polynomials of every order, unless the user has chosen otherwise."""
-        return self.takes_polynomials and self.takes_every_order and not self.is_chosen
+    holds_by_choice: bool
+    takes_end_values: bool
+    takes_polynomials: bool
+    follows_polynomials: bool
 
 
 @final
@@ -185,7 +173,18 @@ class SystemComponent:
         ):  # FMUs of other tools may claim it without ever asking
             interface = "intermediate update"
         is_chosen = INPUT_RECONSTRUCTION in self.starts and method in {0, 1}
-        return InputApproximation(method, is_chosen, interface, method is not None or fmu.is_model_exchange)
+        as_polynomials = interface in {"derivatives", "intermediate update"}
+        takes_every_order = method is not None or fmu.is_model_exchange
+        return InputApproximation(
+            method,
+            is_chosen,
+            interface,
+            takes_every_order,
+            holds_by_choice=is_chosen and method == 0,
+            takes_end_values=interface == "end value",
+            takes_polynomials=as_polynomials,
+            follows_polynomials=as_polynomials and takes_every_order and not is_chosen,
+        )
 
     def interpolating_copy(self) -> SystemComponent:
         """Copy that interpolates its inputs."""
