@@ -32,10 +32,10 @@ from _measure import Row, command, interleaved
 from step_cost import instantiate
 
 from liaisons import System, fmu_path
-from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.schedule import Coupling
 from liaisons.cosim.structure.simulation import checked_simulation
+from liaisons.fmu_files import Fmu, read
 
 H = 0.001
 TRIPLE = ("", "_dot", "_ddot")

@@ -266,7 +266,18 @@ def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None
 @pytest.mark.parametrize("room", ["cli", "scenarios", "modelica_text", "formulas"])
 def test_a_room_outside_takes_few_names_of_the_kernel_by_its_doors(room: str) -> None:
     """Beside ``from liaisons import ...`` and declarations; what is missing there is to be added there."""
-    kernel = {"algebra", "check", "cosim", "expressions", "fmu", "interface", "library", "mechanics", "results"}
+    kernel = {
+        "algebra",
+        "check",
+        "cosim",
+        "expressions",
+        "fmu",
+        "fmu_files",
+        "interface",
+        "library",
+        "mechanics",
+        "results",
+    }
     taken = {
         (node.module or "", alias.name)
         for path in (Path(liaisons.__file__).parent / room).rglob("*.py")

@@ -12,18 +12,14 @@ import numpy as np
 from liaisons.base.arrays import Floats
 from liaisons.cosim import (
     ERROR,
-    TIME,
     Action,
     Call,
-    Fmu,
     Instance,
     Numbers,
-    SampledFunction,
     Scalars,
-    Starts,
-    variable_name,
 )
 from liaisons.errors import SimulationError
+from liaisons.fmu_files import TIME, Fmu, SampledFunction, Starts, variable_name
 
 
 @final

@@ -12,7 +12,8 @@ from fmpy.validation import validate_fmu
 from liaisons.base.archive import DESCRIPTION, Archive
 from liaisons.check.comparison import compare
 from liaisons.check.verdicts import Verdict, verdict
-from liaisons.cosim import Fmu, SystemComponent, experiment_problems, simulate, start
+from liaisons.cosim import SystemComponent, simulate, start
+from liaisons.fmu_files import Fmu, experiment_problems
 
 if TYPE_CHECKING:
     from liaisons.results import Result

@@ -7,10 +7,6 @@ import lazy_loader
 from liaisons.cosim.arrays import Memory, Numbers
 from liaisons.cosim.compiled.cached import cached_library
 from liaisons.cosim.compiled.calls import HEADER, Action, Call
-from liaisons.cosim.description.fmu import DefaultExperiment, Fmu, experiment_problems, read, read_description
-from liaisons.cosim.description.sampled_function import TIME, SampledFunction, sampled, variable_name
-from liaisons.cosim.description.start_values import Starts, start_values
-from liaisons.cosim.description.variables import Entry, Scalar
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.instances.loading import SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
@@ -29,6 +25,15 @@ from liaisons.cosim.structure.simulation import Settings, Simulation, checked_si
 from liaisons.cosim.structure.sources import SIGNALS, Signal
 from liaisons.cosim.structures import Record, record_type
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
+from liaisons.fmu_files import (
+    DefaultExperiment,
+    Entry,
+    Fmu,
+    SampledFunction,
+    experiment_problems,
+    read_description,
+    sampled,
+)
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
@@ -45,7 +50,6 @@ __all__ = [
     "SIGNALS",
     "STATUSES",
     "SUCCESS",
-    "TIME",
     "Action",
     "Call",
     "Connection",
@@ -73,14 +77,12 @@ __all__ = [
     "Result",
     "Run",
     "SampledFunction",
-    "Scalar",
     "Scalars",
     "Services",
     "Settings",
     "SharedFunctions",
     "Signal",
     "Simulation",
-    "Starts",
     "System",
     "SystemComponent",
     "SystemDocument",
@@ -92,7 +94,6 @@ __all__ = [
     "extract_fmus",
     "friction_variables",
     "make_instance",
-    "read",
     "read_description",
     "read_result",
     "record_type",
@@ -101,9 +102,7 @@ __all__ = [
     "sampled",
     "simulate",
     "start",
-    "start_values",
     "try_to_start",
-    "variable_name",
 ]
 
 # What not every run needs is imported at its first use.

@@ -19,8 +19,6 @@ from liaisons.base.arguments import (
 )
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.published import registered
-from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, run_to_end, start_run
 from liaisons.cosim.structure.components import Components, Port, SystemComponent, time_limit
 from liaisons.cosim.structure.connections import Connection, scalar_connections
@@ -29,6 +27,7 @@ from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
+from liaisons.fmu_files import DefaultExperiment, SampledFunction
 from liaisons.results import Result
 
 DIAGRAMS = "liaisons.system_diagrams"

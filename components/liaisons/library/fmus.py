@@ -79,7 +79,7 @@ def is_robot(word: str) -> bool:
 
 def variables(target: str) -> list[tuple[str, str, str]]:
     """Name, causality and start value of each variable of a named component or an FMU; empty for other words."""
-    from liaisons.cosim import read_description
+    from liaisons.fmu_files import read_description
 
     try:
         if is_named(target):

@@ -17,19 +17,16 @@ from liaisons.base.differences import extrapolated_derivative
 from liaisons.base.folders import temporary_folder
 from liaisons.cosim import (
     Call,
-    Fmu,
     Instance,
     Linearization,
     LinearizationMethod,
-    Scalar,
     SystemComponent,
     extract_fmus,
     make_instance,
-    read,
-    start_values,
     try_to_start,
 )
 from liaisons.errors import RefusedError, SimulationError
+from liaisons.fmu_files import Fmu, Scalar, checked_starts, read
 
 _COMPARED = 1e-4
 """Size of the difference that the extrapolated one is compared with, relative to that of the variable."""
@@ -82,7 +79,7 @@ class FmuEquations:
         )
         self.fmu, self.unknowns, self.knowns = fmu, [*rates, *self.outputs], [*self.states, *self.inputs]
         starts, states = self._starts_and_states(values)
-        part = SystemComponent(name, fmu, start_values(name, fmu, starts))
+        part = SystemComponent(name, fmu, checked_starts(name, fmu, starts))
         with ExitStack() as stack:
             folder = extract_fmus([fmu], stack.enter_context(temporary_folder()))[fmu.path]
             try_to_start(part, folder, (time, time + 1.0))

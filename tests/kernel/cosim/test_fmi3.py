@@ -13,9 +13,9 @@ from making import packed, read
 from numpy.testing import assert_array_equal
 
 from liaisons.cosim import IncompleteError, System, simulate
-from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.errors import ConnectError, SimulationError
+from liaisons.fmu_files import Scalar
 from liaisons_tools.sweeps import sweep
 
 HERE = Path(__file__).parent

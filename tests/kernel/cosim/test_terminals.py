@@ -14,9 +14,8 @@ from making import FmuPaths, described, members, read, rewritten, wired
 from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import compare, simulate
-from liaisons.cosim.description.terminals import Terminals
-from liaisons.cosim.description.variables import Array, Scalar, Variables
 from liaisons.errors import ConnectError
+from liaisons.fmu_files import Array, Scalar, Terminals, Variables
 
 MASS = {"q": "alpha", "q_dot": "beta", "q_ddot": "gamma", "q_load": "delta"}
 SPRING = {"length": "one", "length_dot": "two", "length_ddot": "three", "length_force": "four"}

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from liaisons.base.archive import Archive
 from liaisons.base.published import registered
-from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
+from liaisons.fmu_files import Fmu
 
 
 def extract_fmus(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:

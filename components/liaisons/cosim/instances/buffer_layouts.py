@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from liaisons.base.arrays import as_indices
 from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import texts
+from liaisons.fmu_files import Fmu, Scalar
 
 Transfer = Callable[[], int]
 

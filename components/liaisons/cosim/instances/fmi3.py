@@ -18,7 +18,6 @@ import numpy as np
 
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
-from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.buffer_layouts import (
     Transfer,
     counted_buffer,
@@ -31,6 +30,7 @@ from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD
 from liaisons.cosim.structures import record_type
 from liaisons.errors import SimulationError
+from liaisons.fmu_files import Fmu
 
 _StepEnd = record_type(HEADER, "Ended")
 """Results of a step: whether it ended the simulation or returned early, and the last time reached."""

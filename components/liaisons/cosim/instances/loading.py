@@ -16,7 +16,7 @@ from typing import Any, final
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
-from liaisons.cosim.description.fmu import Fmu
+from liaisons.fmu_files import Fmu
 
 _lock = RLock()
 

@@ -18,9 +18,6 @@ from fmpy.fmi1 import FMICallException
 
 from liaisons.cosim.arrays import Numbers, Vector, pointer_to
 from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Starts
-from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.buffer_layouts import (
     BufferLayout,
     Transfer,
@@ -31,6 +28,7 @@ from liaisons.cosim.instances.buffer_layouts import (
 from liaisons.cosim.instances.loading import load_fmu
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, SUCCESS, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
+from liaisons.fmu_files import Fmu, Scalar, Starts
 
 INTERMEDIATE_INSTANTS = 5
 """Number of instants inside a step at which an FMU of ours takes inputs: its fifths, the end among them."""
@@ -70,7 +68,7 @@ class Instance(ABC):
 
     @abstractmethod
     def assign(self, name: str, value: Any) -> None:
-        """Set a start value, converted by :func:`liaisons.cosim.description.start_values.start_values`."""
+        """Set a start value, converted by :func:`liaisons.fmu_files.checked_starts`."""
 
     @abstractmethod
     def exit_initialization(self) -> None:

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import float_array, name_dictionary, shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.description.start_values import integer_range
-from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.kernel import Happening, Kernel
@@ -24,6 +22,7 @@ from liaisons.cosim.running.pace import EachStep, EqualParts, Points, drive
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Feeds
 from liaisons.errors import EndedError, InvalidValueError, RefusedError, SimulationError
+from liaisons.fmu_files import NUMBERS, integer_range
 from liaisons.results import Result
 
 _MOST_DIVISIONS = 20

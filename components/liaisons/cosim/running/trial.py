@@ -18,10 +18,10 @@ from weakref import WeakSet
 
 from liaisons.base import cache
 from liaisons.base.processes import TIME_LIMIT, die_with_parent
-from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances import Instance, isolation, make_instance
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import ProcessEndedError, SimulationError
+from liaisons.fmu_files import Fmu
 
 _LAST = "done"
 """Comes after all stages."""

@@ -14,13 +14,21 @@ from typing import Any, Literal, final
 from liaisons.base.arguments import as_path, shown, start_value_hints
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.base.unit_definitions import UnitDefinition
-from liaisons.cosim.description.fmu import Fmu, read
-from liaisons.cosim.description.sampled_function import SampledFunction
-from liaisons.cosim.description.start_values import Starts, start_values, structural_sizes
-from liaisons.cosim.description.terminals import TerminalDescription
-from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import ConnectError, InvalidValueError, SimulationError
+from liaisons.fmu_files import (
+    NUMBERS,
+    RECORDED,
+    Fmu,
+    SampledFunction,
+    Scalar,
+    Starts,
+    TerminalDescription,
+    VariableType,
+    checked_starts,
+    read,
+    structural_sizes,
+)
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter of FMUs of liaisons: how inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate."""
@@ -93,7 +101,7 @@ class SystemComponent:
                 limit = time_limit(f"{name}: isolated =", isolated)
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
-        return cls(name, fmu, start_values(name, fmu, starts), limit)
+        return cls(name, fmu, checked_starts(name, fmu, starts), limit)
 
     def __getitem__(self, name: str) -> Port:
         """Port of a variable, an array or a terminal, such as the point ``"bob"`` of ``bob_x`` and ``bob_z``.

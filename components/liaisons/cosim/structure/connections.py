@@ -18,12 +18,10 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 from liaisons.base.unit_definitions import SAME, Conversion
-from liaisons.cosim.description.start_values import integer_range
-from liaisons.cosim.description.terminals import TerminalDescription
-from liaisons.cosim.description.variables import RECORDED, Scalar
 from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import ConnectError
+from liaisons.fmu_files import RECORDED, Scalar, TerminalDescription, integer_range
 
 
 @final

@@ -13,14 +13,13 @@ from typing import Any, TypeAlias, final
 
 from liaisons.base.arguments import as_path, name_dictionary
 from liaisons.base.files import replacement_path
-from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.scenes import FmuScene
 from liaisons.cosim.structure.schedule import VariableReference, strong_components
 from liaisons.errors import SimulationError, suggestion
+from liaisons.fmu_files import DefaultExperiment, checked_starts
 
 FmuTarget: TypeAlias = "Path | str | type[Any]"
 """Path of an FMU; or a component by its name, file or class, where :mod:`liaisons.interface` is imported, as by all

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import name_dictionary, shown
 from liaisons.base.clocks import time_rounding
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.description.start_values import integer_range
-from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.fmu_files import NUMBERS, integer_range
 
 SIGNALS = ""
 """Name of the component to which references of functions of time belong."""

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 from liaisons.base.archive import Archive
 from liaisons.base.port_names import PortNames, impulse_name, port_names
 from liaisons.base.xml_documents import read_tree
-from liaisons.cosim.description.variables import Variables
+from liaisons.fmu_files.variables import Variables
 
 logger = logging.getLogger(__name__)
 

@@ -14,10 +14,10 @@ from zipfile import ZipFile
 from liaisons.base.arguments import check_finite, check_positive, shown
 from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.folders import process_folder
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.terminals import Terminals
-from liaisons.cosim.description.variables import Scalar, Variables
 from liaisons.errors import InvalidValueError, one_line
+from liaisons.fmu_files.fmu import Fmu
+from liaisons.fmu_files.terminals import Terminals
+from liaisons.fmu_files.variables import Scalar, Variables
 
 TIME = "time"
 """Name by which the instant of a sample is read."""

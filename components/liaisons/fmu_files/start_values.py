@@ -11,9 +11,9 @@ import numpy as np
 
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import array_and_index, element_offset
-from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.variables import Array, Scalar, VariableType
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
+from liaisons.fmu_files.fmu import Fmu
+from liaisons.fmu_files.variables import Array, Scalar, VariableType
 
 Start = float | int | bool | str
 Value = Start | tuple[Start, ...]
@@ -22,7 +22,7 @@ Starts = Mapping[str, Value]
 """Start values by name."""
 
 
-def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:
+def checked_starts(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:
     """Start values by name, checked and converted to the types of their variables.
 
     An array takes one number for all its elements, or one for each, in their shape; its elements can be given one by

@@ -13,7 +13,7 @@ from typing import IO, final
 from liaisons.base import xml_documents as documents
 from liaisons.base.array_names import Shape, array_and_index, complete_shape
 from liaisons.base.unit_definitions import UnitDefinition
-from liaisons.cosim.description.variables import Array, Entry, Scalar, Variables, VariableType
+from liaisons.fmu_files.variables import Array, Entry, Scalar, Variables, VariableType
 
 Attributes = Mapping[str, str]
 

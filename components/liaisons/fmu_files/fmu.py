@@ -17,10 +17,10 @@ from liaisons.base.archive import DESCRIPTION, START_VALUES, Archive, file_ident
 from liaisons.base.array_names import Shape, array_and_index
 from liaisons.base.port_names import MISMATCH
 from liaisons.base.unit_definitions import UnitDefinition
-from liaisons.cosim.description.model_description import Description, Table, parse
-from liaisons.cosim.description.terminals import Terminals, read_terminals
-from liaisons.cosim.description.variables import LONGEST, RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion
+from liaisons.fmu_files.model_description import Description, Table, parse
+from liaisons.fmu_files.terminals import Terminals, read_terminals
+from liaisons.fmu_files.variables import LONGEST, RECORDED, Scalar, Variables
 
 _MOST_STEPS = 1e12
 

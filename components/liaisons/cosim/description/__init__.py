@@ -1,1 +1,0 @@
-"""What a file says about an FMU: archive in, :class:`.fmu.Fmu` and checked start values out."""
