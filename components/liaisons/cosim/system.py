@@ -488,14 +488,25 @@ def simulate(
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
-    Settings are those of :meth:`System.simulate`, with variables under their own names, but that None of the first five
-    is the value in the FMU's default experiment; without one the start is 0, the step of an FMU of Model Exchange a
-    500th of the time, and the tolerance that of the solvers.
+    Settings are those of :meth:`System.simulate`, but that None of the first five is the value in the FMU's default
+    experiment.
 
     :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
+    :param stop_time: stop [s].
+    :param step_size: distance between communication points [s]; if an FMU of Model Exchange has no value, a 500th of
+        the time.
+    :param start_time: start [s]; 0 if the FMU has no value.
+    :param times: the communication points themselves [s], increasing; those that differ only by rounding count as one.
+    :param tolerance: relative tolerance of the solvers; their own if the FMU has no value.
+    :param coupling: of the FMU and its operators.
+    :param error_tolerance: of a communication step; None: the communication points are fixed.
+    :param record: a name of a variable or several; None: all outputs and inputs, else the local variables.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and its values are set as those of a
         connected source; None: no functions.
+    :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
+    :param progress: show a progress bar on stderr.
+    :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
     :param isolated: in a process of its own, as in :meth:`System.add`.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
