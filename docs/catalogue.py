@@ -51,7 +51,7 @@ def write_catalogue(app: Sphinx) -> None:
         rows = list(pool.map(write_component, names, [pages] * len(names), [shown] * len(names), [alive] * len(names)))
     text = [
         "# Catalogue",
-        "Each name leads to the page that is also in its FMU: equations, variables, ports; `liaisons list` prints all.",
+        "The pages are also in the FMUs: equations, variables, ports.  `liaisons list` prints all names.",
     ]
     for title, operators in (("Mechanisms", False), ("Operators", True)):
         chosen = [row for row in rows if row.operator is operators]
@@ -97,7 +97,7 @@ def page_of_the_site(name: str, summary: str, page: str, *, live: bool, numbers:
     :param numbers: links to what the component has of both texts.
     """
     entries = dict.fromkeys((name, re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)))
-    link = f'\n<p><a href="../gallery/live/{name}.html">Live, to be tried out</a></p>' if live else ""
+    link = f'\n<p><a href="../gallery/live/{name}.html">Live page</a></p>' if live else ""
     parts = [
         "\n".join(f"```{{index}} single: !{entry}\n```" for entry in entries),
         f"# {name}",

@@ -125,12 +125,12 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
         f"# {_title(name)}",
         _text(scenario.main.__globals__["__doc__"], names),
         f"![{_title(name)}]({name}.png)",
-        *([_frame(f"{name}.motion.html", "The first of its simulations, to be dragged and zoomed.")] if motion else []),
-        *([f"[A lesson on it](../lessons/{name}.md), with a question and a live page."] if name in lessons() else []),
-        *([_links("Live, to be tried out", mechanisms(scenario.path))] if mechanisms(scenario.path) else []),
+        *([_frame(f"{name}.motion.html", "The first of its simulations; drag and zoom it.")] if motion else []),
+        *([f"[A lesson](../lessons/{name}.md) has a question and a live page."] if name in lessons() else []),
+        *([_links("Live pages", mechanisms(scenario.path))] if mechanisms(scenario.path) else []),
         _table(rows),
         *([_of_the_texts(name)] if _of_the_texts(name) else []),
-        f"All of it took {outcome.seconds:.1f} s, from built FMUs.  `liaisons run {name}` does the same:",
+        f"With built FMUs this scenario took {outcome.seconds:.1f} s.  `liaisons run {name}` runs it:",
         f"```{{literalinclude}} {source}\n:language: python\n```",
     ]
     (pages / f"{name}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
@@ -167,15 +167,15 @@ def write_lesson(name: str, verdicts: str, pages: Path, shown: Path) -> None:
         f"## Predict\n\n{_escaped(taught.predict)}",
         f"## Try it\n\n{_escaped(taught.try_out)}",
         f'<iframe class="lesson" src="{name}.live.html" title="{escape(taught.question)}"></iframe>',
-        f'<p><a href="{name}.live.html">On a page of its own</a></p>',
-        "## Compare\n\n<details><summary>What comes out</summary>",
+        f'<p><a href="{name}.live.html">Open the live page alone</a></p>',
+        "## Compare\n\n<details><summary>Show the answer</summary>",
         _escaped(taught.answer),
         f"![{_title(name)}](../gallery/{name}.png)\n\n</details>",
-        f"Each claim beside its error, from simulated FMUs ([the scenario](../gallery/{name}.md)):",
+        f"The claims of [the scenario](../gallery/{name}.md), with the errors of simulated FMUs:",
         verdicts,
         "## Equations",
         f'```{{raw}} html\n<div class="component">\n{chr(10).join(equations)}\n</div>\n```',
-        f"Of [{taught.subject}](../catalogue/{taught.subject}.md).  `liaisons show {name}` opens the live page.",
+        f"Of [{taught.subject}](../catalogue/{taught.subject}.md); `liaisons show {name}` opens the live page.",
     ]
     (pages / f"{name}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
 
@@ -198,7 +198,7 @@ def _motion(result: Result) -> bytes:
 
 
 def _index(entries: list[Entry], live: list[str]) -> str:
-    parts = ["# Gallery", "Each claim ends in a verdict: the error of simulated FMUs beside its tolerance."]
+    parts = ["# Gallery", "Each scenario states a claim; its verdicts compare errors of FMUs with tolerances."]
     for theme, names in THEMES.items():
         cards = "\n".join(_card(entry) for name in names for entry in entries if entry.name == name)
         if cards:
@@ -206,7 +206,7 @@ def _index(entries: list[Entry], live: list[str]) -> str:
     pages = "\n".join(
         name for names in THEMES.values() for name in names if any(entry.name == name for entry in entries)
     )
-    return "\n\n".join([*parts, _links("Every mechanism, live", live), f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"])
+    return "\n\n".join([*parts, _links("All live pages", live), f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"])
 
 
 def lesson_index(names: list[str]) -> str:
@@ -219,8 +219,8 @@ def lesson_index(names: list[str]) -> str:
     pages = "\n".join(names)
     shown = f'<div class="gallery">\n{cards}\n</div>\n\n```{{toctree}}\n:hidden:\n\n{pages}\n```\n' if names else ""
     return (
-        "# Lessons\n\nOne question each: predict, try it on the live page, compare with the claims and their errors.  "
-        f"[Write your own](../howto/write-a-scenario.md#lessons): a few words beside a scenario.\n\n{shown}"
+        "# Lessons\n\nEach lesson asks one question.  Predict the answer, try it on the live page, then compare.  "
+        f"To [write your own](../howto/write-a-scenario.md#lessons), add a few lines to a scenario.\n\n{shown}"
     )
 
 

@@ -34,7 +34,7 @@ mathml = load_module(Path(__file__).with_name("mathml.py"))
 VERIFIED, CONDITIONAL, CORRECTED = "verified", "verified where it holds", "verified with a correction"
 NOT_RUN, NOT_YET = "not a formula to be run", "not yet"
 VERDICTS = (VERIFIED, CONDITIONAL, CORRECTED, NOT_RUN, NOT_YET)
-COLUMNS = ("", "formula", "says", "lives in", "verified by", "tolerance")
+COLUMNS = ("", "formula", "says", "implemented in", "verified by", "tolerance")
 SOURCES = "texts"
 """Folder of the pages with the sources of tests."""
 
@@ -97,8 +97,8 @@ def page(shown: Collection[str]) -> str:
     """
     introduction = (
         "Every numbered equation, example, figure and proposition of the two texts of the "
-        "[bibliography](bibliography.md), and what they state without a number: the formula, where it lives, what "
-        "verifies it, and to which tolerance.  In a terminal, `liaisons text K122` looks up a number, "
+        "[bibliography](bibliography.md), and their statements without a number: the formula, where it is implemented, "
+        "and what verifies it, with the tolerance.  In a terminal, `liaisons text K122` looks up a number, "
         "`liaisons text viriel` searches in English and French, and `liaisons run K122` runs what verifies it.  "
         "Tolerances are the finest and the coarsest of the tests and scenarios named here, in SI units or relative; "
         "the errors themselves are on the scenario's page.  A *misprint* is an error in the text: the formula here is "
