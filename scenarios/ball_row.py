@@ -33,7 +33,7 @@ def main(claim: Claims) -> None:
     for axis, (name, row) in zip(axes, ROWS.items(), strict=True):
         touching = simulate("BallRow", record=RECORD, start_values=row, **SETTINGS)
         expected = BallRow.exact(touching.time, **row)
-        claim(f"{name}, touching: Moreau's rule", touching, expected, exact)
+        claim(f"{name}, in contact: Moreau's rule", touching, expected, exact)
         apart = simulate("BallRow", record=RECORD, start_values=row | {"x_0": [0.0, 1.0, 1.1 + HAIR]}, **SETTINGS)
         sequence = BallRow.sequence(**row)
         impacts = f"{len(sequence) - 1} impacts one after the other"

@@ -69,17 +69,17 @@ def main(claim: Claims) -> None:
     on_it = run.time < end
     claim(f"the force of the hoop ends at {end:.4f} s", run["gap_force"] > 0, on_it, comparison)
     newton = within(1e-9, "N", because="solver tolerance 1e-13, κ < 100")
-    claim("up to there it is normal_force", run["gap_force"][on_it], held["normal_force"][on_it], newton)
+    claim("up to then it equals normal_force", run["gap_force"][on_it], held["normal_force"][on_it], newton)
     exact = CircularHoop.exact(np.append(run.time[on_it], end), **TURNING)
     angle = exact["xi"] + np.append(run.time[on_it], end)
     x, y = (OFFSET * f(np.append(run.time[on_it], end)) + f(angle) for f in (np.cos, np.sin))
-    claim("the bead is where the hoop's bead is", [run["x"][on_it], run["y"][on_it]], [x[:-1], y[:-1]], metres)
+    claim("the bead moves like the hoop's bead", [run["x"][on_it], run["y"][on_it]], [x[:-1], y[:-1]], metres)
     rates = (
         -OFFSET * np.sin(end) - np.sin(angle[-1]) * (exact["xi_dot"][-1] + 1),
         OFFSET * np.cos(end) + np.cos(angle[-1]) * (exact["xi_dot"][-1] + 1),
     )
     flown = run.time[~on_it] - end
     straight = [x[-1] + rates[0] * flown, y[-1] + rates[1] * flown]
-    claim("then it goes straight on", [run["x"][~on_it], run["y"][~on_it]], straight, metres)
+    claim("then it moves in a straight line", [run["x"][~on_it], run["y"][~on_it]], straight, metres)
     ring.plot(run.time, run["gap_force"], label="ring that only pushes")
     ring.plot(run.time, held["normal_force"], "--", label="normal_force of the hoop")

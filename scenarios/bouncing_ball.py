@@ -31,8 +31,8 @@ def main(claim: Claims) -> None:
             "BouncingBall", stop_time=5.0, step_size=0.01, tolerance=TOLERANCE, record=DROPPED, bounce=bounce
         )
         expected = BouncingBall.exact(run.time, bounce=bounce)
-        claim(f"e = {bounce}: the height, over all of its bounces", run["height"], expected["height"], exact)
-        claim(f"e = {bounce}: the energy that impacts take", run["impact_loss"], expected["impact_loss"], account)
+        claim(f"e = {bounce}: the height, through all bounces", run["height"], expected["height"], exact)
+        claim(f"e = {bounce}: the energy lost in impacts", run["impact_loss"], expected["impact_loss"], account)
         end = within(1e-10, "s", because="the rest of the bounces is summed")
         rests = BouncingBall.rests_at(bounce=bounce)
         claim(f"e = {bounce}: at rest from {rests:.4f} s", run["gap_rests_from"][-1], rests, end)
@@ -48,7 +48,7 @@ def main(claim: Claims) -> None:
         run = simulate("BouncingBall", table=table, start_values=start, **settings)
         leaves = BouncingBall.leaves_at(amplitude=amplitude, angular_frequency=OMEGA)
         claim(
-            f"Γ = {ratio}: never inside the table",
+            f"Γ = {ratio}: the ball is never inside the table",
             np.minimum(run["gap"], 0),
             0.0,
             within(1e-12, "m", because="rounding"),

@@ -73,7 +73,7 @@ def main(claim: Claims) -> None:
     text = f"up to Γ = {limit:.4f} it bounces in step"
     claim(text, heights[stable], np.tile(highest[stable, None], SEEN), settled)
     count = [np.unique(np.round(row, 4)).size for row in heights]
-    claim("then at two heights, four, eight", count, [1, 1, 1, 1, 1, 2, 2, 2, 4, 8], within(0.0, because="a count"))
+    claim("then at two, four, eight heights", count, [1, 1, 1, 1, 1, 2, 2, 2, 4, 8], within(0.0, because="a count"))
     mapped = [heights_of_map(*case) for case in zip(RATIOS, phases, highest + NEAR, strict=True)]
     claim("the heights are those of a map of the impacts", heights, mapped, settled)
 

@@ -20,7 +20,7 @@ TOLERANCE = 1e-12
 def main(claim: Claims) -> None:
     run = simulate("Bricard", stop_time=3.0, step_size=0.01, tolerance=TOLERANCE)
     exact_count = within(0, because="a rank")
-    claim("one condition of five is redundant", len(Bricard.redundant), 1, exact_count)
+    claim("one constraint of five is redundant", len(Bricard.redundant), 1, exact_count)
     symmetric = within(1e-7, "rad", because="tolerance 1e-12 over 3 s, amplified where the loop is nearly flat")
     claim("hinges 1, 3, 5 turn together", [run["hinge_3"], run["hinge_5"]], run["hinge_1"], symmetric)
     claim("hinges 2 and 4 turn together", run["hinge_4"], run["hinge_2"], symmetric)

@@ -40,7 +40,7 @@ def main(claim: Claims) -> None:
     phase = within(1e-9, "m", because="tolerance 1e-12 over a phase Ωt of 400")
     claim("the free chain is the sum of its modes", free["u"], exact, phase)
     pairs = within(1e-12, "kg.m/s", because=f"the forces of a spring on its ends cancel: roundings of {N} terms")
-    claim("its total momentum stays", np.sum(free["p_u"], axis=1), 0.0, pairs)
+    claim("the total momentum is constant", np.sum(free["p_u"], axis=1), 0.0, pairs)
     group = np.diff(found) / (np.pi / (N * SPACING))
     differences = within(1e-6, because="the error of Ω_k above, over the distance of two of them")
     claim.below("no group velocity exceeds c", group / C, 1.0, differences)
@@ -66,7 +66,7 @@ def main(claim: Claims) -> None:
     early = [np.max(np.abs(sudden["u"][sudden.time <= t, j - 1])) for j, t in zip(masses, times, strict=True)]
     part = early / DrivenChain.forerunner(times, masses, **SPRINGS)
     series = within(1.0, because="part of J_2j(x)/√(1 - (x/2j)²), which is 4e-3 at mass 20 and 4e-8 at mass 60")
-    claim(f"a sudden push: at {AHEAD} j Δx/c nothing is there but J_2j", part, 0.0, series)
+    claim(f"a sudden push: at {AHEAD} j Δx/c the motion is J_2j alone", part, 0.0, series)
 
     law, front = panels(("dispersion", "q [rad/m]", "Ω [rad/s]"), ("a slow push at the left end", "t [s]", "x [m]"))
     q, place = J[:-1] * np.pi / (N * SPACING), J * SPACING

@@ -46,7 +46,7 @@ def main(claim: Claims) -> None:
     delay = within((3 * np.sqrt(9.81) / RATES[-1]) ** 2, because="(Ω · 3/rate)², the square of the delay in the phase")
     claim(f"the growth tends to that of sudden crouches, (l_low/l_high)³ = {sudden:.4f}", lost[-1], 0.0, delay)
     regression = within(0.1, because="regression over a factor of 8; the next order is Ω · 3/rate = 0.2 at the slowest")
-    claim.order("what is lost goes as the square of the delay", 1 / RATES, lost, 2, regression)
+    claim.order("the loss is proportional to the square of the delay", 1 / RATES, lost, 2, regression)
     claim.energy("the energy gained is the child's work", *runs, tolerance=TOLERANCE)
 
     angle, length, law = panels(

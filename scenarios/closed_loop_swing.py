@@ -50,10 +50,10 @@ def main(claim: Claims) -> None:
     missing, quick = [1 - growth(run) for run in runs], runs[-1]
     adapted = pumped(RATES[-1]).simulate(STOP, 0.01, tolerance=TOLERANCE, coupling="implicit", error_tolerance=1e-5)
     second, why = 2 * 9.81 / LOW * (3 / RATES[-1]) ** 2, "stationary: of second order in the delay, a factor of order 1"
-    claim("growth a half swing is (l_high/l_low)³", growth(quick), 1.0, within(second, because=why))
-    claim.order("what is missing falls with order 2", 1 / RATES, missing, 2, within(0.2, because=why))
+    claim("growth per half swing is (l_high/l_low)³", growth(quick), 1.0, within(second, because=why))
+    claim.order("the loss is of order 2 in the delay", 1 / RATES, missing, 2, within(0.2, because=why))
     between = within(second + 1e-3, because="as above, and turning points are seen between points only")
-    claim("adapted steps pump the same", growth(adapted), 1.0, between)
+    claim("adapted steps give the same growth", growth(adapted), 1.0, between)
     claim.energy("the energy gained is the operator's work", quick, tolerance=TOLERANCE)
 
     motion, gain = panels(

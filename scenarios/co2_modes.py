@@ -43,7 +43,7 @@ def main(claim: Claims) -> None:
     squares = np.linalg.eigvalsh(stiffness)
     matrix = within(1e-15, "rad2/s2", because="eigenvalues of a matrix of order 0.2: roundings")
     derived = analysis.normal_modes(LinearMolecule, x_1=0.0).squares
-    claim("K eq. 156 is what the Lagrangian gives at its equilibrium", derived, squares, matrix)
+    claim("K eq. 156 follows from the Lagrangian at its equilibrium", derived, squares, matrix)
 
     alone = {k: started_in(k) for k in PICTURES}
     zeros = within(1e-9, because="relative; solver tolerance 1e-11, spline error of the zeros (0.05 Ω)⁴/384")
@@ -53,7 +53,7 @@ def main(claim: Claims) -> None:
         claim(text, frequency(alone[k], k) / np.sqrt(squares[k - 1]), 1.0, zeros)
     for k, result in alone.items():
         others = [result[f"mode_{other}"] for other in PICTURES if other != k]
-        claim(f"mode {k} {PICTURES[k]} started alone stays alone", others, 0.0, mixed)
+        claim(f"mode {k} {PICTURES[k]} started alone excites no other", others, 0.0, mixed)
 
     struck = run(300.0, x_1_0=0.0, x_1_dot_0=0.01)
     exact = LinearMolecule.exact(struck.time, x_1_0=0.0, x_1_dot_0=0.01)
@@ -62,7 +62,7 @@ def main(claim: Claims) -> None:
     claim(text, struck, exact, phase, names=("x_1", "x_2", "x_3"))
     momentum = np.sum([struck[f"p_x_{i}"] for i in PICTURES], axis=0)
     pairs = within(1e-13, "kg.m/s", because="the forces of a spring on its ends cancel: roundings")
-    claim("its total momentum stays, with each atom's own mass", momentum, momentum[0], pairs)
+    claim("the total momentum, with each atom's own mass, is constant", momentum, momentum[0], pairs)
 
     titles = {k: f"mode {k}: {picture}" for k, picture in PICTURES.items()} | {4: "left atom struck"}
     axes = panels(*((title, "position [m]", "t [s]") for title in titles.values()), size=(14, 4), sharey=True)

@@ -63,10 +63,10 @@ def main(claim: Claims) -> None:
     solver, expected = within(1e-9, because=why), Rotation.from_rotvec(psi * e[0])
     text = f"Kane and Scher's cone: turned by their integral, {np.degrees(psi):.1f}°"
     claim(text, attitude[-1].as_matrix(), expected.as_matrix(), solver)
-    claim("a + b keeps its direction in space", e, e[0], solver)
-    claim.energy("energy is the cat's work", run, tolerance=TOLERANCE)
+    claim("the direction of a + b in space is constant", e, e[0], solver)
+    claim.energy("the energy is the cat's work", run, tolerance=TOLERANCE)
     fall = 9.81 * run.time * (1 - run.time / 2)
-    claim("its centre of mass falls freely", run["com_z"], fall, within(1e-10, "m", because=why))
+    claim("the centre of mass falls freely", run["com_z"], fall, within(1e-10, "m", because=why))
 
     shape, turn = panels(
         ("what the operators do", "t [s]", "angle [deg]"), ("half A", "t [s]", "turned about a + b [deg]")

@@ -44,7 +44,7 @@ def main(claim: Claims) -> None:
     claim("a planet, turned: x p_y - y p_x is constant", momentum, momentum[0], solver)
     twice = "two evaluations at the same states: roundings"
     angular = within(1e-14, "kg.m2/s", because=twice)
-    claim("and it is the angular momentum of the FMU", momentum, planet["angular_momentum"], angular)
+    claim("it equals the angular momentum of the FMU", momentum, planet["angular_momentum"], angular)
 
     charge = along("ChargedParticle", x_dot_0=1.0, z_dot_0=0.1, B_z=B)
     charged = {name: charge[name] for name in ("x", "y", "z", "x_dot", "y_dot", "z_dot")} | {"B_z": B}
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     claim("a charge, turned: (r∧p)_z with canonical p", canonical, canonical[0], solver)
     lift = analysis.noether(ChargedParticle, lambda _: {"z": 1.0}).evaluate(**charged)
     claim("a charge, moved along the field: p_z", lift, lift[0], solver)
-    claim("a pendulum, turned: no symmetry, refused", is_refused(), True, within(0.0, because="a count"))
+    claim("a pendulum, turned: refused, since it is no symmetry", is_refused(), True, within(0.0, because="a count"))
     cyclic, p_phi = set(analysis.cyclic_coordinates(PolarOscillator)), along("PolarOscillator")["p_phi"]
     kept = np.append(p_phi - p_phi[0], cyclic != {"phi"})
     never = within(0.0, "kg.m2/s", because="its rate is zero, not small")

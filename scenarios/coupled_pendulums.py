@@ -64,7 +64,7 @@ def main(claim: Claims) -> None:
     long, error = compared(SMALL, 10.0, 0.001)
     claim("small angles, H = 1 ms, 10 s", error, 0.0, within(1e-8, "rad", because="asked for"))
     interface = within(1e-11, "J", because="interface tolerance 1e-13 of 10 N, 0.1 m/s, 10 s")
-    claim("the energy that one gives the other takes", long["upper.work"], -long["lower.work"], interface)
+    claim("the energy that one gives is what the other receives", long["upper.work"], -long["lower.work"], interface)
     for name in ("upper", "lower"):
         motion.plot(long.time, long[f"{name}.theta"], label=name)
 

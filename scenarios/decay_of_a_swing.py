@@ -50,9 +50,9 @@ def main(claim: Claims) -> None:
     same = within(1e-3, because="standard errors; both stop where the sum of squares is flat to 1e-8")
     claim("all three are those of least squares over the integrated equation", values / errors, best.x / errors, same)
     differences = within(1e-5, because="relative; derivatives of the reference by differences")
-    claim("so are their standard errors", sigmas / errors, 1.0, differences)
+    claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.1, because="standard errors: 1 of 200 measurements of three values would be farther away")
-    claim("all three are the true ones within what is promised", (values - truth) / errors, 0.0, nearer)
+    claim("all three are true within their standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     # Made-up measurements, each fitted by one step of Gauss and Newton from the truth.

@@ -45,7 +45,7 @@ def main(claim: Claims) -> None:
     for name, shape, marker in zip(("slow", "fast"), shapes.T, "os", strict=True):
         unit = shape / np.max(np.abs(shape))
         still = run(20.0, *(1e-4 * unit), **LIGHT)
-        claim(f"{name} mode started alone stays alone", still, modes(still, *(1e-4 * unit)), linear, names=ANGLES)
+        claim(f"{name} mode started alone excites no other", still, modes(still, *(1e-4 * unit)), linear, names=ANGLES)
         errors = []
         for amplitude in AMPLITUDES:
             result = run(5.0, *(amplitude * unit), **LIGHT)
@@ -62,8 +62,8 @@ def main(claim: Claims) -> None:
         beat.plot(beats.time[:1501], 1e6 * beats[angle][:1501], linewidth=1, label=angle.replace("theta", "θ"))
 
     wild, disturbed = run(60.0, 2.0, 2.5), run(60.0, 2.0 + 1e-9, 2.5)
-    claim.energy("large motion: the energy stays", wild, tolerance=TOLERANCE)
+    claim.energy("large motion: the energy is constant", wild, tolerance=TOLERANCE)
     apart = np.abs(wild["theta_2"] - disturbed["theta_2"])
     sign = within(0.0, "rad", because="a sign, no number")
-    claim.below("large motion: two starts 1e-9 rad apart part by more than a turn", 2 * np.pi, np.max(apart), sign)
+    claim.below("large motion: two starts 1e-9 rad apart end a turn apart", 2 * np.pi, np.max(apart), sign)
     chaos.semilogy(wild.time[1:], apart[1:], linewidth=0.8)

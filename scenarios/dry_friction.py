@@ -37,8 +37,8 @@ def main(claim: Claims) -> None:
         "belt at rest: half swings about the points where friction balances the spring", run["x"], expected["x"], exact
     )
     instants, turns = DryOscillator.turning_points(**friction)
-    claim(f"it stays at {turns[-1]:.4f} m after {turns.size - 1} half swings", run["x"][-1], turns[-1], exact)
-    claim("what is lost is the work of friction", run["energy_balance"], 0.0, joule)
+    claim(f"it rests at {turns[-1]:.4f} m after {turns.size - 1} half swings", run["x"][-1], turns[-1], exact)
+    claim("the lost energy is the work of friction", run["energy_balance"], 0.0, joule)
     decay.plot(run.time, run["x"], label="FMU")
     dots(decay, instants, turns, every=1, label="turning points")
 
@@ -50,8 +50,8 @@ def main(claim: Claims) -> None:
         "DryOscillator", stop_time=20.0, step_size=0.01, tolerance=TOLERANCE, inputs=moved, record=RECORD, **begin
     )
     expected = DryOscillator.exact(run.time, **start)
-    claim("moving belt: sticks and slides in turn", run["x"], expected["x"], exact)
-    claim("the belt's work is what friction and the spring take", run["energy_balance"], 0.0, joule)
+    claim("moving belt: the mass sticks and slides in turn", run["x"], expected["x"], exact)
+    claim("the belt's work goes to friction and the spring", run["energy_balance"], 0.0, joule)
     slips.plot(run.time, run["x"], label="FMU")
     dots(slips, run.time, expected["x"], label="closed form")
     sticking, sliding = DryOscillator.stick_slip(**belt)

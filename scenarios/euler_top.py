@@ -54,7 +54,7 @@ def main(claim: Claims) -> None:
         R = Rotation.from_quat(np.transpose([run[name] for name in QUATERNION]), scalar_first=True)
         in_body = np.transpose([run[name] for name in RATES]) * MOMENTS
         H = R.apply(in_body)
-        claim(f"about the {axis} axis: R J ω stays where it was", H, H[0], state)
+        claim(f"about the {axis} axis: R J ω is constant", H, H[0], state)
         body.plot(*(in_body / np.linalg.norm(H[0])).T, linewidth=1.2, label=f"about the {axis} axis")
         for name in RATES if axis == "middle" else ():
             (line,) = over.plot(run.time, run[name], linewidth=0.9, label=name.replace("omega", "ω"))

@@ -68,9 +68,9 @@ def main(claim: Claims) -> None:
     claim.order("order 6", 1 / STEPS, errors, 6, sixth)
     solver = within(1e-9, "rad", because="(2π/100)⁶/720 of 1 rad, tolerance 1e-12")
     claim("turn after the loop", fine["phi"][-1], loop, solver)
-    claim("turn on a line retraced", flat["phi"][-1], 0.0, solver)
+    claim("turn on a path that is retraced", flat["phi"][-1], 0.0, solver)
     parabola = within(1e-12, "m", because="a parabola: rounding")
-    claim("it falls like a stone", fine["com_z"], -9.81 / 2 * fine.time**2, parabola)
+    claim("it falls freely", fine["com_z"], -9.81 / 2 * fine.time**2, parabola)
     constant = within(1e-12, "kg.m2/s", because="p_φ is constant: rounding")
     claim("angular momentum stays 0", fine["angular_momentum"], 0.0, constant)
 

@@ -61,7 +61,7 @@ def main(claim: Claims) -> None:
     claim("the least time, by shooting", motion.duration, shot.x[:6].sum(), meshes)
     claim("two meshes agree", motion.duration, finer.duration, meshes)
     digits = within(0, because="digits are counted, the next ones are 83")
-    claim("Bilimoria and Wie's digits", np.floor(1e4 * motion.duration), 32430, digits)
+    claim("the digits of Bilimoria and Wie", np.floor(1e4 * motion.duration), 32430, digits)
     claim("five switches", motion.switches.size, 5, within(0, because="a count"))
     claim.below(
         "it is faster than about one axis", motion.duration, 2 * np.sqrt(np.pi), within(0, "s", because="by 0.3")

@@ -59,7 +59,7 @@ def main(claim: Claims) -> None:
         claim(f"to {end} rad: the least time by elliptic integrals", motion.duration, best.fun, closed)
         run = motion.replay()
         found = run["theta"][np.searchsorted(run.time, motion.switches)]
-        claim("... it stands up and sits down there", found, [-best.x, switches(best.x, end)[0]], flat)
+        claim("... with the same instants", found, [-best.x, switches(best.x, end)[0]], flat)
         claim.verdicts += motion.verify() if end == ENDS[1] else []
         (line,) = angle.plot(run.time, run["theta"], label=f"to {end} rad")
         dots(angle, motion.switches, found, color=line.get_color(), markersize=8)

@@ -74,7 +74,7 @@ def main(claim: Claims) -> None:
     k = 400  # a state on the way, after two rounds
     later = fall((run["psi_1"][k], run["psi_2"][k]), run["phi"][k], run["phi_dot"][k], 14)
     curve = within(1e-8, "rad", because="100 x solver tolerance, and the start of the second run to rounding")
-    claim("from a state on its way it goes on as it did: no time in D_Y", later["phi"], run["phi"][k:], curve)
+    claim("from a later state it moves in the same way: no time in D_Y", later["phi"], run["phi"][k:], curve)
 
     r = GROWTH**0.5
     around = fall((r, 0.0), 0.0, float(PlanarCat.turn_rate(r, 0.0, 0.0, r * TURNING)), 3)

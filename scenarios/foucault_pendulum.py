@@ -58,7 +58,7 @@ def main(claim: Claims) -> None:
     bob = run["centre_x"] + 1j * run["centre_y"]
     solver = "two solvers with errors of 1e-13 a step, over 110 swings"
     exact = spherical_pendulum(run.time)
-    claim("motion in the frame of the stars", bob, exact, within(1e-8, "m", because=solver))
+    claim("motion in a frame that does not turn", bob, exact, within(1e-8, "m", because=solver))
     claim("torque of the floor", run["turn_force"], 0.0, within(1e-9, "N.m", because="rounding of m g l = 2e4 N.m"))
 
     on_floor = bob * np.exp(-1j * TURN * run.time)

@@ -49,7 +49,7 @@ def main(claim: Claims) -> None:
     claim("the fall lasts √(2L/g), from 0.1 m to 1 km", times / np.sqrt(2 * HEIGHTS / GRAVITY), 1.0, spline)
     claim.order("exponent of τ'/τ = (L'/L)^(1/2)", HEIGHTS, times, 0.5, spline)
     sign = within(0.0, because="a sign, no number: at the terminal velocity g/η the exponent is 1")
-    claim.below("with friction the exponent rises: no similarity", 0.6, slope(HEIGHTS, slowed), sign)
+    claim.below("with friction the exponent grows: no similarity", 0.6, slope(HEIGHTS, slowed), sign)
 
     path, law = panels(
         ("a throw", "x [m]", "z [m]"), ("similarity, and its loss", "height L [m]", "time of the fall τ [s]")

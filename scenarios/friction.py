@@ -31,7 +31,7 @@ def main(claim: Claims) -> None:
     large = simulate("Pendulum", theta_0=3.0, friction=ETA, step_size=0.005, **settings)
     loss = cumulative_simpson(2 * ETA * large["kinetic_energy"], x=large.time, initial=0)
     simpson = within(2e-7, "J", because="Simpson's rule, (2ωh)⁴/180 = 7e-8 with ω = 6 /s, times a few joule")
-    claim("E(t) + ∫ 2ηT dt = E(0), let go near the top", large["energy"] + loss, large["energy"][0], simpson)
+    claim("E(t) + ∫ 2ηT dt = E(0), released near the top", large["energy"] + loss, large["energy"][0], simpson)
     claim("the FMU's own account of the loss is this integral", large["dissipated"], loss, simpson)
     left = large["energy"] - np.min(large["energy"])
     account.stackplot(large.time, left, loss, labels=["left", "∫ 2ηT dt"], alpha=0.7)
@@ -39,7 +39,7 @@ def main(claim: Claims) -> None:
     wheel = simulate("Flywheel", angle_dot_0=10.0, friction=ETA, step_size=0.01, **settings)
     running = Flywheel.exact(wheel.time, angle_dot_0=10.0, friction=ETA)
     angles = within(1e-10, "rad, rad/s", because="10 x tolerance 1e-12 x angles of 25 rad")
-    claim("a flywheel runs down exponentially", wheel, running, angles)
+    claim("a flywheel slows down exponentially", wheel, running, angles)
 
     why = "relative: θ³/6, 2e-9, and a phase Ωt of 60; tolerance 1e-12 of 1 rad over 1e-4 rad"
     for name, eta in REGIMES.items():

@@ -47,9 +47,9 @@ def main(claim: Claims) -> None:
     same = within(1e-4, because="standard errors; both stop where the sum of squares is flat to 1e-10")
     claim("g and θ_0 are those of least squares over the elliptic functions", values / errors, best.x / errors, same)
     differences = within(1e-6, because="relative; derivatives of the closed form by differences")
-    claim("so are their standard errors", sigmas / errors, 1.0, differences)
+    claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.0, because="standard errors: 1 of 200 measurements would be farther away")
-    claim("g and θ_0 are the true ones within what is promised", (values - truth) / errors, 0.0, nearer)
+    claim("g and θ_0 are true within their standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     fitted: Any = {"length": LENGTH} | fit.values

@@ -25,7 +25,7 @@ def main(claim: Claims) -> None:
         spin = Gyroscope.steady_precession(THETA, rate)
         start: dict[str, Any] = {"nutation_0": THETA, "precession_dot_0": rate, "spin_dot_0": spin}
         run = simulate("Gyroscope", stop_time=2.0, step_size=0.002, tolerance=TOLERANCE, **start)
-        claim(f"Ω = {rate} rad/s, spin {spin:.1f} rad/s: θ stays", run["nutation"], THETA, steady)
+        claim(f"Ω = {rate} rad/s, spin {spin:.1f} rad/s: θ is constant", run["nutation"], THETA, steady)
         claim(f"Ω = {rate} rad/s: φ = Ω t", run["precession"], rate * run.time, steady)
         axis.plot(run.time, run["nutation"], label=f"steady, Ω = {rate} rad/s")
     run = simulate("Gyroscope", stop_time=2.0, step_size=0.001, tolerance=TOLERANCE, nutation_0=THETA)

@@ -30,7 +30,7 @@ def main(claim: Claims) -> None:
     found = [hold("CircularHoop", far_side, step_size=STEP, effort=effort) for effort in efforts]
     pairs = np.array([np.sort(np.log(np.abs(one.floquet_multipliers)) / STEP)[1:3].mean() for one in found]) + GROWTH
     first = within(0.02, because="the next order is smaller by the weight")
-    claim.order("two multipliers are exp(-λH), but for 1/effort", 1 / efforts, np.abs(pairs), 1, first)
+    claim.order("two multipliers are exp(-λH), up to 1/effort", 1 / efforts, np.abs(pairs), 1, first)
     mirror.loglog(efforts, np.abs(pairs), "o-", label="of the pair")
 
     turning = operator("Ramp", rate=RATE)
@@ -53,7 +53,7 @@ def main(claim: Claims) -> None:
 
     pushed = regulator.simulate(STOP, inputs={"xi_force": push})
     back = within(1e-4, because="of 8 mm; 6 s at the rate 1.9 after the plan's end")
-    claim("pushed on the way, the bead gets there and stays", pushed["CircularHoop.xi"][-1], np.pi, back)
+    claim("pushed on the way, the bead arrives and stays", pushed["CircularHoop.xi"][-1], np.pi, back)
     brought.plot(pushed.time, pushed["CircularHoop.xi"], label="held")
     alone = motion.system().simulate(WAY, STEP, inputs={"CircularHoop.xi_force": push})
     brought.plot(alone.time, alone["CircularHoop.xi"], "--", label="the plan alone")

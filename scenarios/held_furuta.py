@@ -59,18 +59,16 @@ def main(claim: Claims) -> None:
     P = riccati(A, B, Q, R)
     K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     eight = within(1e-8, because="16 digits, less the condition of the eigenvectors and 1e-10 of the linearised step")
-    claim(
-        "gains over those of our own Riccati equation", regulator.gains[0, 0] / np.hstack([K @ A, K @ B])[0], 1.0, eight
-    )
+    claim("gains, against our own Riccati equation", regulator.gains[0, 0] / np.hstack([K @ A, K @ B])[0], 1.0, eight)
     held = np.sort(np.abs(regulator.floquet_multipliers))[::-1]
     closed = np.block([[A, B], [-K @ A, -K @ B]])
     own = np.sort(np.abs(np.linalg.eigvals(closed)))[::-1]
-    claim("multipliers, greatest first", held, own, within(1e-6, because="the least are roots of what is left near 0"))
+    claim("multipliers, largest first", held, own, within(1e-6, because="the least are roots of what is left near 0"))
 
     run = regulator.simulate(STOP, swing_0=np.pi + TILT)
     torque, angle = run["FurutaPendulum.turn_force"], run["FurutaPendulum.swing"] - np.pi
     bounded = within(1e-12, "N.m", because="it is cut off there, once at least")
-    claim("the motor gives as much as it can, and no more", np.abs(torque).max(), MOST, bounded)
+    claim("the torque reaches its bounds, no more", np.abs(torque).max(), MOST, bounded)
     settled = within(
         1e-9, "rad", because="the greatest multiplier, 0.95, is 4e-14 after 600 samples; the arm swings out first"
     )
@@ -78,7 +76,7 @@ def main(claim: Claims) -> None:
     power = np.append(0.0, np.cumsum(torque[:-1] * np.diff(run["FurutaPendulum.turn"])))
     fall = PENDULUM * GRAVITY * ROD * (1 - np.cos(TILT))
     work = within(1e-9, "J", because="at rest again, but for what the claim before allows; the solver's 1e-11")
-    claim("the torque's work is what lifts the pendulum, m g l (1 - cos 0.07)", power[-1], fall, work)
+    claim("the torque's work lifts the pendulum, m g l (1 - cos 0.07)", power[-1], fall, work)
 
     tilt, arm, motor = panels(
         ("upright is 0", "t [s]", "θ - π [rad]"), ("arm", "t [s]", "φ [rad]"), ("motor", "t [s]", "torque [N m]")

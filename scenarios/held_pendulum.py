@@ -30,10 +30,10 @@ def main(claim: Claims) -> None:
     upright, bounds = {"theta": np.pi, "pivot_x": 0.0}, {"pivot_x_ddot": (-20.0, 20.0)}
     regulator = hold("Pendulum", upright, "pivot_x", step_size=STEP, bounds=bounds)
     differences = within(1e-5, because="differences of 1e-5 about the equilibrium")
-    claim("one step of the FMUs is the matrix that was predicted", regulator.measured(), regulator.loop, differences)
+    claim("one step of the FMUs is the predicted matrix", regulator.measured(), regulator.loop, differences)
     radius = np.max(np.abs(regulator.floquet_multipliers))
     inside = within(1 - 1e-3, because="inside the unit circle; without feedback exp(√(g/l) H) = 1.065 is outside")
-    claim("the greatest multiplier", radius, 0.0, inside)
+    claim("the largest multiplier", radius, 0.0, inside)
 
     held = regulator.simulate(STOP, theta_0=np.pi + TILT)
     theta, pivot = held["Pendulum.theta"], held["Pendulum.pivot_x"]
@@ -43,7 +43,7 @@ def main(claim: Claims) -> None:
     decay = np.abs(regulator.deviation(held)[:, late]).max(axis=0)
     rate = np.polyfit(held.time[late], np.log(decay), 1)[0] * STEP
     slope = within(0.1 * abs(np.log(radius)), because="two pairs of multipliers of nearly one size beat")
-    claim("it decays by the greatest multiplier a step", rate, np.log(radius), slope)
+    claim("it decays by the largest multiplier in each step", rate, np.log(radius), slope)
 
     lift = 9.81 * (1 - np.cos(TILT))
     rest = within(1e-6, "J", because="at rest again, but for what the claim before allows")

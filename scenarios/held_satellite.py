@@ -53,11 +53,11 @@ def main(claim: Claims) -> None:
     kept = held[f"{name}wheel_2_dot"][-1]
     claim("the wheel keeps -H/J_w", kept, -MOMENTUM / J_WHEEL, within(1e-4, "rad/s", because=why))
     vector = np.array([held[f"{name}q_{c}"] for c in "wxy"])
-    claim("the satellite is where it was", vector[:, -1], 0.0, within(1e-6, because=why))
+    claim("the satellite is back at its attitude", vector[:, -1], 0.0, within(1e-6, because=why))
     turned = 2 * np.arcsin(np.hypot(free["q_w"], free["q_x"]))
     late = MOMENTUM / J * (STOP - BEGIN - LASTS / 2)
     small = within(1e-5, "rad", because="the lever turns by 7e-3 rad meanwhile: its cosine")
-    claim("with wheels that stand it turns by H t/J_yy", turned[-1], late, small)
+    claim("with locked wheels it turns by H t/J_yy", turned[-1], late, small)
 
     way, wheels = panels(
         ("a push on a satellite that was turned", "t [s]", "off by [rad]"),

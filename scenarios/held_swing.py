@@ -53,5 +53,5 @@ def main(claim: Claims) -> None:
         rounds.semilogy(ends / ROUND, np.abs(theta), "o", label=label)
         if regulator is held:
             small = within(5e-3, because="an error of 1e-3 rad is not quite small, and what shrinks faster is left")
-            claim("an error shrinks by μ a round", theta[-1] / theta[-2], np.abs(held.floquet_multipliers[0]), small)
+            claim("an error shrinks by μ a period", theta[-1] / theta[-2], np.abs(held.floquet_multipliers[0]), small)
     rounds.semilogy(ends / ROUND, OFF * np.abs(held.floquet_multipliers[0]) ** (ends / ROUND), label="predicted")

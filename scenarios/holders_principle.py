@@ -53,7 +53,7 @@ def main(claim: Claims) -> None:
     path = {name: run[name] for name in ("theta", "theta_dot", "length", "length_dot")}
     along = [sine(run, "theta", n) for n in MODES]
     kept = [variation(Pendulum, run, path, w) for w in along]
-    claim("adapted: ⟨δI, w⟩ = 0 for three w that leave the length alone", kept, 0.0, interpolated)
+    claim("adapted: ⟨δI, w⟩ = 0 for three w that leave the length unchanged", kept, 0.0, interpolated)
 
     off = [sine(run, "length", n) for n in MODES]
     work = [float(-simpson(run["length_force"] * w["length"], x=run.time)) for w in off]
@@ -63,7 +63,7 @@ def main(claim: Claims) -> None:
     heavy = [variation(Pendulum, run, path, w, gravity=9.0) for w in along]
     torque = (9.81 - 9.0) * run["length"] * np.sin(run["theta"])
     missing = [float(simpson(torque * w["theta"], x=run.time)) for w in along]
-    claim("with another weight it is no motion: ⟨δI, w⟩ is the weight's virtual work", heavy, missing, quadrature)
+    claim("with another weight it is not a motion: ⟨δI, w⟩ is the weight's virtual work", heavy, missing, quadrature)
 
     x, z = np.sin(1.0), -np.cos(1.0)
     xyz: Any = {"x_0": x, "z_0": 1 + z, "x_dot_0": 0.4 * x, "z_dot_0": 0.4 * z}
@@ -73,7 +73,7 @@ def main(claim: Claims) -> None:
     claim("multipliers: ⟨δI, w⟩ = 0 for three w across the rod", kept, 0.0, interpolated)
     in_theta = {"x": run["length"] * np.sin(run["theta"]), "z": 1 - run["length"] * np.cos(run["theta"])}
     same = within(1e-9, "m", because="solver tolerance 1e-12, amplified less than 100-fold within 4 s")
-    claim("both are one motion", free, in_theta, same)
+    claim("both give the same motion", free, in_theta, same)
 
     motion, action = panels(
         ("a motion and two variations of it", "t [s]", "θ [rad]"),

@@ -38,7 +38,7 @@ def main(claim: Claims) -> None:
     why = f"solver tolerance {TOLERANCE:g} and H⁴/720 of the torque, 20 s, amplification below 100"
     claim("angular momentum of both", np.ptp(momentum), 0.0, within(1e-8, "kg.m2/s", because=why))
     claim("energy of both", np.ptp(energy), 0.0, within(1e-8, "J", because=why))
-    claim("work on one is taken from the other", handed, 0.0, within(1e-8, "J", because=why))
+    claim("the work on one is taken from the other", handed, 0.0, within(1e-8, "J", because=why))
     one = CircularHoop.on_a_free_shaft(run.time, shaft_inertia=WHEEL, **HOOP)
     claim("ξ, one system", xi, one["xi"], within(1e-7, "m", because=why))
     claim("β, one system", run["wheel.angle"], one["beta"], within(1e-7, "rad", because=why))

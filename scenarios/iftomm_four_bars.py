@@ -37,7 +37,7 @@ def main(claim: Claims) -> None:
         claim(text, [run[f"theta_{i}"] for i in range(windows + 1)], exact, turning)
         claim.energy(f"N = {windows}: energy", run, tolerance=TOLERANCE)
         pull = run["lambda_rod_1"] * np.sin(exact)
-        claim(f"N = {windows}: the force on the first lying rod grows as 1/sin θ", pull, component.pull(exact), pole)
+        claim(f"N = {windows}: force on the first horizontal rod ~ 1/sin θ", pull, component.pull(exact), pole)
         motion.plot(run.time, np.cos(run["theta_0"]), label=f"N = {windows}")
         force.plot(run.time, run["lambda_rod_1"], ".-", linewidth=0.8, markersize=3, label=f"N = {windows}")
     force.set_yscale("symlog", linthresh=10)

@@ -77,7 +77,7 @@ def main(claim: Claims) -> None:
     standing, falling = shaken(60.0, 20.0, 8000, -0.2), shaken(40.0, 20.0, 8000, -0.01)
     _, edge = Pendulum.upright_well(AMPLITUDE, 60.0)
     well = within(edge, "rad", because="edge of the well of the averaged potential -mgl cos θ + ¼ m a²ν² sin² θ")
-    claim("ν = 60: started 0.2 rad off the top it stays about it for 20 s", standing["theta"], np.pi, well)
+    claim("ν = 60: started 0.2 rad off the top, it stays near the top for 20 s", standing["theta"], np.pi, well)
     claim.energy("the energy gained is the shaker's work", standing, tolerance=TOLERANCE)
 
     trace, swing = panels(("stable below 2", "ν [rad/s]", "trace"), ("upright is 180°", "t [s]", "θ [deg]"))

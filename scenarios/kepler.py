@@ -70,7 +70,7 @@ def main(claim: Claims) -> None:
     spline = "relative; spline error of the passages, (2π/400)⁴/384, is smaller: y'''' vanishes with y"
     claim("Kepler's equation, 9 orbits", anomaly, 0.0, within(1e-8, "rad", because=why))
     claim("T² = 4π² a³/μ for a = 0.5, 1, 4 m and e = 0, 0.4, 0.8", thirds, 1.0, within(1e-8, because=spline))
-    claim("the eccentricity vector (Laplace, Runge, Lenz) stays", vector, 0.0, within(1e-8, because=why))
+    claim("the eccentricity vector (Laplace, Runge, Lenz) is constant", vector, 0.0, within(1e-8, because=why))
     claim("∫ (2T + V) dt = [p·r] at every τ, 9 orbits", identity, 0.0, within(1e-8, "J.s", because=simpson))
     limit = orbit(1.0, 0.6, 50.5)
     integral, _ = virial(limit, 1.0, 0.6)

@@ -34,7 +34,7 @@ def main(claim: Claims) -> None:
     time, tenth = swing.time[1:], symplectic.size // 10
     periodic = within(1.2, because="both are the largest of a thousand points of one periodic function")
     growth = symplectic[-tenth:].max() / symplectic[:tenth].max()
-    claim("energy error of the last 10⁴ s beside that of the first 10⁴ s", growth, 0.0, periodic)
+    claim("energy error of the last 10⁴ s, compared with the first 10⁴ s", growth, 0.0, periodic)
 
     # Of a harmonic oscillator the method changes the frequency by this part, to first order.
     relative = (np.sqrt(9.81) * H / STEPS) ** 6 / 100800

@@ -51,7 +51,7 @@ def main(claim: Claims) -> None:
     claim(text, np.max(near[wrong], initial=0.0), 0.0, within(1e-6, because=why))
     determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
     products = within(4e-10, because="relative to the products of entries in it, each with the error below")
-    claim("phase space keeps its area: the determinant is 1", (determinant - 1) / size**2, 0.0, products)
+    claim("area in phase space is conserved: the determinant is 1", (determinant - 1) / size**2, 0.0, products)
     why = "relative; 80 steps of order 8 with frequencies below 4.3 /s, (4.3 π/80)^8 = 7e-7, coefficient 1e-6"
     claim("steps twice as long give the same matrix", error / size, 0.0, within(1e-10, because=why))
 

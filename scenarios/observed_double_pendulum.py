@@ -55,9 +55,9 @@ def main(claim: Claims) -> None:
         claim(f"error of {name} over its standard deviation", np.std(off) / expected[name], 1.0, independent)
     seen = np.std((result[f"{mechanism}.theta_1"] + result[f"{part}.theta_1_noise"] - result[f"{part}.theta_1"])[late])
     half = within(0.0, because="an inequality")
-    claim.below("an estimate is nearer by half than a measured angle", expected["theta_1"] / seen, 0.5, half)
+    claim.below("estimates are twice as accurate as measured angles", expected["theta_1"] / seen, 0.5, half)
     upright = within(0.05, "rad", because="ten times what the noise moves, a quarter of where it cannot be held")
-    claim("it stands", result[f"{mechanism}.theta_2"][late], np.pi, upright)
+    claim("it stays upright", result[f"{mechanism}.theta_2"][late], np.pi, upright)
 
     angle, momentum, moved = panels(
         ("what is measured", "t [s]", "θ$_1$ - π [rad]"),

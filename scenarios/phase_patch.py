@@ -41,7 +41,7 @@ def main(claim: Claims) -> None:
         # ½ ∮ (x_1 dx_2 - x_2 dx_1) = π Σ k |c_k|² in the Fourier coefficients of the rim
         area = np.pi * np.fft.fftfreq(RIM, 1 / RIM) @ np.abs(np.fft.fft(rim, axis=0) / RIM) ** 2
         expected, whole = np.exp(-eta * time), np.pi * RADIUS**2
-        claim(f"η = {eta}: the area of a patch goes as e^(-ηt)", area / whole, expected, within(1e-7, because=fourier))
+        claim(f"η = {eta}: the area of a patch falls as e^(-ηt)", area / whole, expected, within(1e-7, because=fourier))
         flow = analysis.flow(Pendulum, DURATION, theta=CENTRE, gravity=1.0, friction=eta)
         text = f"η = {eta}: det J = e^(-ηt) by the variational equations"
         claim(text, flow.determinant / expected[-1], 1.0, variational)

@@ -82,7 +82,7 @@ def main(claim: Claims) -> None:
     dido = 2 * np.pi * abs(TURN) / (FALL * field())
     claim.below("one loop costs less than two", costs[0], 2 * costs[1], within(0, "J.s", because="an inequality"))
     next_term = within(0.05, because="it is smaller by Δφ/k")
-    claim.order("k loops cost k 2π |Δφ|/(T B), but for a term in Δφ/k", ROUNDS, costs / dido - 1, -1, next_term)
+    claim.order("k loops cost k 2π |Δφ|/(T B), up to a term in Δφ/k", ROUNDS, costs / dido - 1, -1, next_term)
     for k, motion in zip(ROUNDS, motions, strict=True):
         sigma = motion.sigma(np.linspace(0, motion.duration, 200))
         loops.plot(sigma["psi_1"], sigma["psi_2"], label=f"k = {k}")

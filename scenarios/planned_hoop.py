@@ -50,7 +50,7 @@ def main(claim: Claims) -> None:
     run = motion.replay()
     exact = back(shot.x, DURATION - run.time[::-1])[:, ::-1]
     replay = within(1e-8, because="what the mesh leaves; solver tolerance 1e-12")
-    claim("the FMUs move bead and hoop so", run, dict(zip(END, exact, strict=False)), replay)
+    claim("the FMUs move bead and hoop as planned", run, dict(zip(END, exact, strict=False)), replay)
     claim.verdicts += motion.verify()
     for axis, name in ((bead, "u"), (hoop, "beta_dot")):
         axis.plot(run.time, run[name], label="FMU")

@@ -81,8 +81,8 @@ def main(claim: Claims) -> None:
     circle, t = SpatialCat.bend_for(np.pi), np.linspace(0, FALL, 200)
     mesh = within(1e-9, because="relative; of tenth order in the interval, the shooting integrates at 1e-13")
     claim("least cost: 4π² G/T of the constant bend", free.cost * FALL / (4 * np.pi**2 * metric(circle)[1]), 1.0, mesh)
-    claim("... whose bend is that of Rademaker and ter Braak", free.sigma(t)["bend"] / circle, 1.0, mesh)
-    claim("with less backwards: by shooting along the wall", stiff.cost / shot(stiff), 1.0, mesh)
+    claim("... with the bend of Rademaker and ter Braak", free.sigma(t)["bend"] / circle, 1.0, mesh)
+    claim("with a limited bend: by shooting along the bound", stiff.cost / shot(stiff), 1.0, mesh)
     claim.verdicts += free.verify() + stiff.verify()
     for label, sigma in (("free", free.sigma(t)), ("stiff", stiff.sigma(t))):
         shapes.plot(*(sigma["bend"] * axis(sigma["azimuth"]) for axis in (np.cos, np.sin)), label=label)

@@ -73,7 +73,7 @@ def main(claim: Claims) -> None:
 
     y, _ = solve_ivp(rates, (0, 20), start, "DOP853", run.time, rtol=1e-13, atol=1e-13).y
     shaken = within(1e-9, "m", because="tolerance 1e-12, and inputs of sixth order; errors grow with the time")
-    claim("shaken: x + σ moves by hand", run["x"] + sigma, y, shaken)
+    claim("shaken: x + σ moves by the equation derived by hand", run["x"] + sigma, y, shaken)
     force = within(1e-9, "N", because="k times the same")
     claim("the operator's force is the spring's", run["support_force"], sigma - y, force)
     balance = within(1e-10, "J", because="100 x solver tolerance 1e-12")

@@ -50,7 +50,7 @@ def main(claim: Claims) -> None:
     there = [Oscillator.resonance(damping=damping) for damping in DAMPINGS[resonant]]
     why = "the largest of a row lies next to the maximum, less than one column away"
     column = within(FREQUENCIES[1] - FREQUENCIES[0], "rad/s", because=why)
-    claim("the ridge lies at √(ω_0² - γ²/2)", ridge, np.maximum(there, FREQUENCIES[0]), column)
+    claim("the ridge is at √(ω_0² - γ²/2)", ridge, np.maximum(there, FREQUENCIES[0]), column)
     rise, sign = np.diff(surface[:, ~resonant], axis=0), within(0.0, "m", because="a sign, no number")
     claim.below("for γ > √2 ω_0 the amplitude only falls", rise, 0.0, sign)
 

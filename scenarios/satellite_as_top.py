@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     run = motion.replay()
     exact = top(shot.x, run.time)
     replay = within(1e-8, because="what the mesh leaves; solver tolerance 1e-12")
-    claim("the FMUs turn the satellite as the top turns", [run[name] for name in QUATERNION], exact[:4], replay)
+    claim("the FMUs turn the satellite like the top", [run[name] for name in QUATERNION], exact[:4], replay)
     one_axis = ANGLE**2 * np.sum(TOP * AXIS**2) / (2 * DURATION)
     claim.below(
         "about one axis it costs a fifth more, at least",

@@ -50,7 +50,7 @@ def main(claim: Claims) -> None:
     position = np.transpose([orbit["x"], orbit["y"], 0 * orbit.time]) / 2.0
     why = "solver tolerance 1e-11 over one orbit, σ interpolated over a 800th of it"
     seen = np.einsum("tji,tj->ti", attitude(nadir), position)  # direction of the planet in the axes of the satellite
-    claim("the planet stays on the camera's axis", seen, [1, 0, 0], within(1e-8, because=why))
+    claim("the planet stays on the axis of the camera", seen, [1, 0, 0], within(1e-8, because=why))
     steered = Satellite.steered(looking.time, wheels=wheel_rates, **BODY)
     less = within(1e-7, because=f"{why}, where a look begins less well")
     claim("attitude with three wheels", attitude(looking), attitude(steered), less)

@@ -33,7 +33,7 @@ def main(claim: Claims) -> None:
         ]
         inverses.append(np.transpose(columns))
         identity = inverses[-1] @ Scara.mass_matrix(elbow)
-        claim(f"elbow {elbow:.1f} rad: M times the accelerations is the torque", identity, np.eye(3), rounding)
+        claim(f"elbow {elbow:.1f} rad: M times the accelerations gives the torque", identity, np.eye(3), rounding)
     fine = np.linspace(0.0, 3.0, 61)
     exact = np.array([np.linalg.inv(Scara.mass_matrix(elbow)) for elbow in fine])
     for k, name in enumerate(AXES):

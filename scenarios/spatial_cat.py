@@ -68,9 +68,9 @@ def main(claim: Claims) -> None:
         if bend == HALF_TURN:
             path = attitude(SpatialCat.exact(run.time, azimuth=run["azimuth"], bend=bend))
             claim("the half turn, at every instant", attitude(run).as_matrix(), path.as_matrix(), solver)
-    claim("a + b keeps its direction in space", fixed, 0.0, solver)
-    claim.energy("energy is the cat's work", *runs, tolerance=TOLERANCE)
+    claim("the direction of a + b in space is constant", fixed, 0.0, solver)
+    claim.energy("the energy is the cat's work", *runs, tolerance=TOLERANCE)
     t = runs[0].time
-    claim("its centre of mass falls freely", fallen, 9.81 * t * (1 - t / 2), within(1e-10, "m", because=why))
+    claim("the centre of mass falls freely", fallen, 9.81 * t * (1 - t / 2), within(1e-10, "m", because=why))
     fine = np.linspace(0.01, 3.1, 200)
     law.plot(np.degrees(fine), [np.degrees(SpatialCat.turn(bend)) for bend in fine], label="2π J c/(I s² + J c²)")

@@ -28,7 +28,7 @@ def main(claim: Claims) -> None:
         run = simulate("StringPendulum", stop_time=2.0, step_size=0.005, tolerance=1e-13, record=RECORD, **start)
         expected = StringPendulum.exact(run.time, **start)
         claim(f"v = {speed}: x, z", run, {name: expected[name] for name in ("x", "z")}, metres)
-        claim(f"v = {speed}: what the tugs take", run["impact_loss"], expected["impact_loss"], joules)
+        claim(f"v = {speed}: energy lost in the tugs", run["impact_loss"], expected["impact_loss"], joules)
         claim(f"v = {speed}: energy balance", run["energy_balance"], 0.0, joules)
         first = int(np.argmax(run["slack"] > 1e-9))
         height = StringPendulum.slack_height(speed)

@@ -46,7 +46,7 @@ def main(claim: Claims) -> None:
     scale = np.max(np.abs(run["energy"]))
     relative = within(1e-7, because=f"{why}; relative to the energy scale")
     claim(
-        "pumping: p_θ, which the lean itself never changes", run["p_theta"] / scale, exact["p_theta"] / scale, relative
+        "pumping: p_θ, which leaning itself does not change", run["p_theta"] / scale, exact["p_theta"] / scale, relative
     )
     claim.energy("the energy gained is the child's work", run, tolerance=TOLERANCE)
 

@@ -76,10 +76,10 @@ def main(claim: Claims) -> None:
     claim("both: the tension / 2l of the rod in θ", angle["tension"] / -2, expected, multiplier)
 
     projected = within(1e-14, "m", because="projected")
-    claim("d'Alembert keeps the rod's length to rounding", dalembert["rod_residual"], 0.0, projected)
+    claim("d'Alembert keeps the length of the rod to rounding", dalembert["rod_residual"], 0.0, projected)
     length = np.linalg.norm([gauss["x"], gauss["y"], gauss["z"] - 1], axis=0)
     integrated = within(1e-9, "m", because="integrated, 100 tolerances")
-    claim("Gauss keeps its derivative, the length follows", length, 1.0, integrated)
+    claim("Gauss keeps its derivative; the length follows", length, 1.0, integrated)
 
     t = angle.time[:401]
     motion.plot(t, dalembert["x"][:401], label="d'Alembert")

@@ -58,9 +58,9 @@ def main(claim: Claims) -> None:
     same = within(1e-4, because="standard errors; both stop where the sum of squares is flat to 1e-10")
     claim("μ and the start are those of least squares over Kepler's equation", values / errors, best.x / errors, same)
     differences = within(1e-4, because="relative; the information changes as slowly as the values do")
-    claim("so are their standard errors", sigmas / errors, 1.0, differences)
+    claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.3, because="standard errors: 1 of 200 measurements of five values would be farther away")
-    claim("all five are the true ones within what is promised", (values - truth) / errors, 0.0, nearer)
+    claim("all five are true within their errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     start: Any = fit.values
@@ -73,13 +73,13 @@ def main(claim: Claims) -> None:
     claim("4π² a³/T² of the FMU is this μ", 4 * np.pi**2 * semi_axis**3 / turn**2 / values[0], 1.0, points)
     sentences = fitted([*TRUTH, "mass"], fit.values, 2 * PERIOD).sentences
     silent = [sentence for sentence in sentences if "mass: not determined at all" in sentence]
-    claim("one sentence says that the planet's mass shows in nothing", len(silent), 1, within(0, because="a count"))
+    claim("one sentence says that the mass is not determined", len(silent), 1, within(0, because="a count"))
 
     rows = [best.jac[np.tile(times <= share * PERIOD, 2)] for share in SHARES]
     promised = [np.sqrt(np.linalg.inv(J.T @ J)[0, 0]) for J in rows]
     got = [np.sqrt(part.covariance[0, 0]) for part in fits]
     linear = within(0.3, because="relative; each fit ends elsewhere, where the orbit is not quite the same")
-    claim("what is known of μ after a part of the time is as promised", np.divide(got, promised), 1.0, linear)
+    claim("the information on μ after a part is as predicted", np.divide(got, promised), 1.0, linear)
 
     plane, known = panels(("seen, fitted", "x [m]", "y [m]"), ("what is known of μ", "revolutions", "σ$_μ$ [m³/s²]"))
     plane.plot(run["x"], run["y"], linewidth=0.8, label="FMU with the fitted values")
