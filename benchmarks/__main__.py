@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from _check import Comparison, compared, report
-from _measure import HERE, Section, busy_cores
+from _measure import HERE, QUIET, Section, busy_cores
 from _page import page, tables
 
 ORDER = (
@@ -47,7 +47,6 @@ ORDER = (
     "referee",
 )
 MOST_TRIES = 3  # of a section, when it is checked
-QUIET = 0.2  # cores that others may keep busy
 
 
 def main() -> int:
@@ -65,7 +64,7 @@ def main() -> int:
     if unknown := set(names) - set(ORDER):
         parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(ORDER)}")
     if options.check:
-        return _checked(names)
+        return _checked(names, options.patience)
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.output or (Path(scratch) if options.quick else HERE)
         results = folder / "results"
@@ -81,7 +80,7 @@ def main() -> int:
     return bool(failed)
 
 
-def _checked(names: list[str]) -> int:
+def _checked(names: list[str], patience: float) -> int:
     """Compare with the page; what is worse, or may be, is measured again, and its medians count."""
     status = 0
     for name in names:
@@ -93,13 +92,14 @@ def _checked(names: list[str]) -> int:
         quick: list[Section] = []
         found: list[Comparison] = []
         while len(quick) < MOST_TRIES and (not quick or any(it.worse for it in found)):
+            _wait_for_quiet(patience)
             with tempfile.TemporaryDirectory() as scratch:
                 command = [sys.executable, HERE / f"{name}.py", "--output", scratch, "--quick"]
                 if subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode:
                     return 1
                 quick.append(Section.read(Path(scratch) / f"{name}.json"))
             found = compared(written.rows, [section.rows for section in quick])
-        print(report(name, written.commit, found, len(quick)), flush=True)
+        print(report(name, written, found, quick), flush=True)
         status |= any(it.worse for it in found)
     return status
 

@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from _measure import Row, number
+from _measure import QUIET, Row, Section, number
 
 SLACK = 0.15  # so much worse than on the page is named
 
@@ -46,15 +46,20 @@ def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]]) -> list[Com
     return found
 
 
-def report(name: str, commit: str, found: Sequence[Comparison], tries: int) -> str:
-    """A line, and one for each ratio that is worse."""
+def report(name: str, written: Section, found: Sequence[Comparison], tries: Sequence[Section]) -> str:
+    """A line, one for each ratio that is worse, and what else than the code may be the reason."""
     worse = [it for it in found if it.worse]
-    lines = [f"{name}: {len(found)} ratios, measured {tries} times, {len(worse)} worse than at commit {commit}"]
+    commit, count = written.commit, len(tries)
+    lines = [f"{name}: {len(found)} ratios, measured {count} times, {len(worse)} worse than at commit {commit}"]
     for it in worse:
         page, overlap = number(it.row.bounded), "" if it.clear else " (quartiles overlap what is allowed)"
         lines.append(
             f"  {it.row.topic}: {it.row.case}: {number(it.ratio)} × {it.row.yardstick}, on the page {page}{overlap}"
         )
+    if worse and written.processor != tries[-1].processor:
+        lines.append(f"  the page is of another processor, {written.processor}; this one is {tries[-1].processor}")
+    if worse and (busy := max(section.busy for section in tries)) > QUIET:
+        lines.append(f"  other work kept up to {busy:g} cores busy")
     return "\n".join(lines)
 
 

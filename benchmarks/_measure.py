@@ -27,6 +27,7 @@ from typing import Any, Literal, TypeVar
 
 HERE = Path(__file__).parent
 T = TypeVar("T")
+QUIET = 0.2  # cores that others may keep busy
 PACKAGES = ("casadi", "fmpy", "numpy", "scipy", "pythonfmu")
 
 
@@ -187,6 +188,11 @@ class Section:
     seconds: float
     quick: bool
 
+    @property
+    def processor(self) -> str:
+        """The first words of the machine."""
+        return self.machine.partition(",")[0]
+
     def write(self, path: Path) -> None:
         path.write_text(json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
@@ -271,14 +277,15 @@ def _machine() -> str:
 
 
 def _processor() -> str:
-    """Its name, and the widest vectors that it has."""
+    """Its name, its model's number, since processors of several generations share a name, and its widest vectors."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor() or platform.machine()
     found = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
     vectors = [name for name in ("avx512f", "avx2", "avx") if name in found.get("flags", "").split()]
-    return " ".join([found.get("model name", platform.machine()), *vectors[:1]])
+    model = [f"model {found['model']}"] if "model" in found else []
+    return " ".join([found.get("model name", platform.machine()), *model, *vectors[:1]])
 
 
 def _compiler() -> str:

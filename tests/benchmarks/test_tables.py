@@ -136,9 +136,17 @@ def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
     assert worse(1.5) == [("faster", True)]
     assert worse(3.0, 2.0, 2.0) == []  # the median of the tries
     assert worse(3.0, 2.0, 3.0) == [("ours", False)]
-    assert report("steps", "abc1234", compared(written, measured(3.0)), 1) == (
+    page = Section("A title", tuple(written), "2026-01-01", "abc1234", "a processor, a compiler", 0.0, 1.0, quick=False)
+    words = (
         "steps: 2 ratios, measured 1 times, 1 worse than at commit abc1234\n  Steps: ours: 3 × by hand, on the page 2"
     )
+    found = compared(written, measured(3.0))
+    assert report("steps", page, found, [replace(page, machine="a processor, another compiler")]) == words
+    assert report("steps", page, found, [replace(page, machine="another, a compiler", busy=1.5)]) == (
+        f"{words}\n  the page is of another processor, a processor; this one is another\n"
+        "  other work kept up to 1.5 cores busy"
+    )
+    assert "processor" not in report("steps", page, found[1:], [replace(page, machine="another, a compiler", busy=1.5)])
 
 
 @pytest.mark.parametrize(("words", "figure"), [([], 3.0), (["--quick"], 2.0)])
