@@ -1,4 +1,4 @@
-"""A ball strikes two others: if they touch, they move on together; with a tiny gap, the last one takes the motion.
+"""A ball strikes two others: if they touch, both move on together; with a tiny gap, only the last one moves on.
 
 Moreau's rule, v⁺ >= max(0, -e v) with impulses that are not negative, treats the two balls that touch as one body.  A
 gap between them, however small, leads to a sequence of impacts, which for equal masses and e = 1 is Newton's cradle.

@@ -1,10 +1,9 @@
 """Two operators take a falling cat round a closed loop of shapes: it turns by a line integral, to sixth order.
 
 M 8.2.  Two Sinusoids move the limbs of a PlanarCat once round an ellipse of shapes while it falls.  Without angular
-momentum φ' = -(J_1 ψ_1' + J_2 ψ_2')/I, so a closed loop turns the trunk by -∮ (J_1 dψ_1 + J_2 dψ_2)/I, at any speed and
-whatever the fall.  A path that is retraced does not turn it.  From the operators' values, rates and accelerations, σ is
-reconstructed by quintic polynomials between communication points.  This is of sixth order in H, so twenty points per
-loop suffice.
+momentum φ' = -(J_1 ψ_1' + J_2 ψ_2')/I, so a closed loop turns the trunk by -∮ (J_1 dψ_1 + J_2 dψ_2)/I, at any speed.  A
+path that is retraced does not turn it.  From the operators' values, rates and accelerations, σ is reconstructed by
+quintic polynomials between communication points.  This is of sixth order in H, so twenty points per loop suffice.
 """
 
 from __future__ import annotations

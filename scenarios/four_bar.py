@@ -1,4 +1,4 @@
-"""In a four-bar linkage driven by its crank, the rocker follows Freudenstein's equation; work and energy balance.
+"""In a four-bar linkage, the rocker follows Freudenstein's equation, and the energy is the work done on the crank.
 
 The fourth hinge of the FourBar closes the loop.  Of its five constraints, the FMU needs two; the others follow from the
 parallel axes.

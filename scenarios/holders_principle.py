@@ -1,6 +1,6 @@
 """A motion makes the action stationary under variations compatible with the liaisons: Hölder and d'Alembert agree.
 
-M 3.1 to 3.3, eq. 1 to 28.  An operator changes the length of a pendulum and back.  The FMU's motion, by the equations
+M 3.1 to 3.3, eq. 1 to 28.  An operator lengthens a pendulum and shortens it again.  The FMU's motion, by the equations
 of d'Alembert's principle, has ⟨δI, w⟩ = 0 if w leaves the length unchanged; if w varies the length, ⟨δI, w⟩ = -∫ λ w_l
 dt, the work of the liaison, by which the text proves the two principles equivalent.  The same holds with multipliers in
 coordinates that are not adapted, where w is compatible if it is perpendicular to the rod (M eq. 14, 20 to 22).  Along a

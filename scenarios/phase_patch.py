@@ -1,7 +1,7 @@
 """Liouville's theorem: a moving patch of phase space keeps its area; with friction, the area shrinks as e^(-ηt).
 
-K 3.4, eq. 95-103, for the pendulum in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1.  It is shown in two ways: by the area of a
-patch whose rim consists of 128 motions of the FMU, and by the determinant of the Jacobian from the variational
+K 3.4, eq. 95-103, for the pendulum in x_1 = θ and x_2 = p_θ/(m l² Ω), Ω = 1.  This is shown in two ways: by the area of
+a patch whose rim consists of 128 motions of the FMU, and by the determinant of the Jacobian from the variational
 equations.
 """
 

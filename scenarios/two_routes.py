@@ -1,4 +1,4 @@
-"""By the principles of d'Alembert and Gauss, a pendulum moves as by its angle; Gauss's μ_1 = -2 λ_1 is the tension / l.
+"""The principles of d'Alembert and Gauss give the same motion as the angle; Gauss's μ_1 = -2 λ_1 is the tension / l.
 
 K Ex. 1 and Ex. 9 in Cartesian coordinates, K Ex. 3 in θ.  CartesianPendulum enforces its constraints on positions; the
 GaussPendulum of this file has them only as constraints on velocities, K eq. 110, whose derivatives are g_1 and g_2 of
