@@ -87,3 +87,16 @@ def test_what_a_rejected_step_has_seen_is_forgotten(component: FmuPaths) -> None
         assert estimate.worst is not None
         run.restore(first)
         assert estimate.worst is None
+
+
+@pytest.mark.core
+def test_progress_comes_back(component: FmuPaths) -> None:
+    """Why there is no next point, and errors between points, which only a run to its end knows."""
+    with _driven(component)[0].start(0.4, 0.1) as run:
+        first, progress = run.save(), run._kernel.progress
+        progress.errors.append(1.0)
+        progress.end = "an FMU has ended"
+        run.restore(first)
+        assert progress.errors == []
+        run.step()
+    assert run.time == pytest.approx(0.1)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, final
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,19 +55,6 @@ through values, rates and accelerations of a port."""
 
 _ERROR_ORDERS: Mapping[Polynomial, int] = {"as set": 1, "mean": 2, "line": 2, "points": 4, "slopes": 4, "port": 6}
 """Order in H of the error of each."""
-
-
-class Gains(NamedTuple):
-    """Derivatives ∂(output)/∂(input) of an FMU that are not 0 everywhere, one input after the other.
-
-    :param pairs: (output, input) of each derivative, their numbers in the FMU.
-    :param calls: one of each input.
-    :param values: the derivatives by it, which the call writes.
-    """
-
-    pairs: list[tuple[int, int]]
-    calls: list[Call]
-    values: list[Vector]
 
 
 @final
@@ -262,19 +249,16 @@ class Node:
         """Copy the outputs that were read last to the signals."""
         signals[self.values] = self._read
 
-    def prepare_gains(self, depends: Depends, *, record: bool) -> Gains:
-        """Prepare the calls that calculate ∂(outputs)/∂(inputs) at the present instant.
+    def prepare_gains(self, depends: Depends, *, record: bool) -> Iterator[tuple[int, list[int], Call, Vector]]:
+        """Prepare the calls that calculate ∂(outputs)/∂(inputs), where these are not 0 everywhere.
 
         :param record: the derivatives are on the bus.
+        :returns: number of the input, numbers of the outputs, the call, and the derivatives, which it writes.
         """
-        gains = Gains([], [], [])
         for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, input_.name))]
             if rows:
                 outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
                     column = self._bus.add_gains([(self.name, o.name) for o in outputs], (self.name, input_.name))
-                gains.calls.append(self._instance.directional_derivatives(outputs, [input_], np.ones(1), column))
-                gains.values.append(column)
-                gains.pairs.extend((i, k) for i in rows)
-        return gains
+                yield k, rows, self._instance.directional_derivatives(outputs, [input_], np.ones(1), column), column

@@ -48,18 +48,18 @@ class Newton:
         ] = []  # row, column, address of the derivative, factor, power of H
         self.calls: list[Call] = []
         self._values: list[Vector] = []  # at the addresses
-        for node in nodes:
-            gains = node.prepare_gains(depends, record=within_steps)
-            self.calls += gains.calls
-            self._values += gains.values
-            addresses = [v.ctypes.data + i * v.itemsize for v in gains.values for i in range(len(v))]
-            for (i, k), address in zip(gains.pairs, addresses, strict=True):
-                curve, value = node.curves[k], node.values.start + i
+        gains = [(node, gain) for node in nodes for gain in node.prepare_gains(depends, record=within_steps)]
+        for node, (k, outputs, call, derivatives) in gains:
+            self.calls.append(call)
+            self._values.append(derivatives)
+            curve = node.curves[k]
+            for n, i in enumerate(outputs):
+                value = node.values.start + i
                 effects = [(value, node.sources[k], 1.0, 0), (node.slopes.start + i, curve.rate, 1.0, 0)]
                 if within_steps and not signals.held[curve.data[0]]:
                     effects += _motion_entries(signals.port_of_acceleration(value), curve)
                 entries += [
-                    (position[row], position[column], address, factor, power)
+                    (position[row], position[column], derivatives[n:].ctypes.data, factor, power)
                     for row, column, factor, power in effects
                     if row in position and column in position
                 ]

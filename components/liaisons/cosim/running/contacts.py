@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from liaisons.base.port_names import impulse_name
 from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
@@ -80,15 +79,6 @@ def friction_variables(part: SystemComponent) -> list[FrictionVariables]:
     ]
 
 
-class MissingImpulses(NamedTuple):
-    """Sum of impulses that do not go through a connection, at the communication points; ``points`` where it changes."""
-
-    connection: Connection
-    variable: VariableReference
-    sums: Vector
-    points: Indices
-
-
 def connections_losing_impulses(
     simulation: Simulation, solved: Collection[VariableReference]
 ) -> dict[VariableReference, Connection]:
@@ -111,31 +101,20 @@ def connections_losing_impulses(
 
 def missing_impulses(
     connections: Mapping[VariableReference, Connection], times: Vector, columns: Mapping[VariableReference, Vector]
-) -> list[MissingImpulses]:
-    """Impulses that did not go through connections, of each connection with some.
+) -> list[tuple[Indices, str]]:
+    """Points at which impulses did not go through connections, of each connection with some, and a warning of it.
 
     :param connections: see :func:`connections_losing_impulses`.
     :param columns: values of variables at the communication points.
     """
-    missing: list[MissingImpulses] = []
+    missing: list[tuple[Indices, str]] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.reference]
         least = _LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
-            missing.append(MissingImpulses(connection, variable, sums, points))
+            first = points[0]
+            jump = f"{sums[first] - sums[first - 1]:.4g} N.s at t = {times[first]:.6g} s and {len(points) - 1} more"
+            words = f"impulses do not go through {connection}: of {'.'.join(variable)}, {jump}"
+            cure = "what follows is wrong by an unknown amount: make one FMU of the system by flatten()"
+            missing.append((points, f"{words}; {cure}"))
     return missing
-
-
-def warn_of_missing(title: str, times: Vector, impulses: Iterable[MissingImpulses]) -> None:
-    """Warn of each connection that impulses do not go through."""
-    for connection, variable, sums, (first, *others) in impulses:
-        logger.warning(
-            "%s: impulses do not go through %s: of %s, %.4g N.s at t = %.6g s and %d more; what follows is wrong by an "
-            "unknown amount: make one FMU of the system by flatten()",
-            title,
-            connection,
-            ".".join(variable),
-            sums[first] - sums[first - 1],
-            times[first],
-            len(others),
-        )

@@ -13,12 +13,10 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import logger, warn_of_non_finite_values
 from liaisons.cosim.running.contacts import (
-    MissingImpulses,
     connections_losing_impulses,
     contact_variables,
     friction_variables,
     missing_impulses,
-    warn_of_missing,
 )
 from liaisons.cosim.running.kernel import Impulses, Kernel, coupling_estimate
 from liaisons.cosim.running.watchdog import Watchdog
@@ -97,7 +95,7 @@ class Observers:
         """Calls after initialization, which read what the estimate needs."""
         return () if self.estimate is None else self.estimate.initial_calls
 
-    def recorded_result(self, kernel: Kernel) -> tuple[Result, list[MissingImpulses]]:
+    def recorded_result(self, kernel: Kernel) -> tuple[Result, list[tuple[Indices, str]]]:
         """The result of all that was recorded so far, and the impulses that went missing in it."""
         simulation, recorder = kernel.simulation, kernel.recorder
         in_result, times = recorder.result_rows()
@@ -110,10 +108,10 @@ class Observers:
         values[strings] = indices.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in numbers)
         errors = self._errors_by_point(kernel, in_result)
-        columns = {place: rows[:, k] for place, k in kernel.bus.index.items()}
+        columns = {place: rows[:, k] for place, k in kernel.bus.index.items()} if self._sums else {}
         lost = missing_impulses(self._sums, times, columns)
-        for missing in lost:
-            errors[missing.points] = np.nan
+        for points, _ in lost:
+            errors[points] = np.nan
         result = Result(
             simulation.title,
             times,
@@ -129,7 +127,7 @@ class Observers:
         )
         return result, lost
 
-    def conclude(self, kernel: Kernel, recorded: tuple[Result, list[MissingImpulses]] | None = None) -> Result:
+    def conclude(self, kernel: Kernel, recorded: tuple[Result, list[tuple[Indices, str]]] | None = None) -> Result:
         """Return the result; warn of not-a-numbers, lost impulses, late steps and large coupling errors.
 
         :param recorded: what :meth:`recorded_result` has returned, if it is known.
@@ -137,7 +135,8 @@ class Observers:
         result, lost = recorded or self.recorded_result(kernel)
         recorder = kernel.recorder
         warn_of_non_finite_values(result)
-        warn_of_missing(result.title, result.time, lost)
+        for _, words in lost:
+            logger.warning("%s: %s", result.title, words)
         self.watchdog.warn(recorder.rows[: recorder.done], recorder.times[: recorder.done])
         self.real_time.warn(result.title)
         if self.estimate is not None:
