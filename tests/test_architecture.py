@@ -43,15 +43,8 @@ def test_import_alone_is_light() -> None:
 
 EXTENSIONS = (
     *("chains", "closed_forms", "composition", "contacts", "coupling_estimate", "impacts", "isolation"),
-    *(
-        "linearization",
-        "linkages",
-        "model_exchange",
-        "python_fmu",
-        "reference_results",
-        "sampled_functions",
-        "typed_formulas",
-    ),
+    *("linearization", "linkages", "model_exchange", "python_fmu", "reference_results", "sampled_functions"),
+    "typed_formulas",
 )
 
 
