@@ -80,9 +80,10 @@ def setup(app: Sphinx) -> None:
 
 
 def spread_notebooks(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Put other pages between notebooks: with ``--jobs``, neighbours are read by the same process."""
-    notebooks = [name for name in names if "{code-cell}" in env.doc2path(name).read_text(encoding="utf-8")]
-    pages = [name for name in names if name not in notebooks]
-    for i, name in enumerate(notebooks):
-        pages.insert(i * len(names) // len(notebooks), name)
+    """Put long pages between short ones, most of them early: ``--jobs`` reads parts of this list side by side."""
+    cells = [name for name in names if "{code-cell}" in env.doc2path(name).read_text(encoding="utf-8")]
+    long = [*({"reference/api"} & set(names)), *cells]
+    pages = [name for name in names if name not in long]
+    for i, name in enumerate(long):
+        pages.insert(int(len(names) * (i / len(long)) ** 2), name)
     names[:] = pages
