@@ -43,8 +43,6 @@ from liaisons_tools.cli._command import (
 if TYPE_CHECKING:
     from liaisons.language import Component
 
-_KINDS = {"Mechanism", "Chain", "Operator", "Hoop", "Linkage"}
-"""Names of the classes that components of a file are derived from."""
 S = TypeVar("S")
 T = TypeVar("T")
 
@@ -76,16 +74,31 @@ def list_components(
 
 def _show_files() -> None:
     """Print a table of what the files of this folder declare, which are read, not run."""
-    rows = []
+    from liaisons.language import Component
+
+    rows, kinds = [], {*_names_of_kinds(Component)}
     for path in sorted(Path().glob("*.py")):
         with suppress(OSError, SyntaxError, UnicodeDecodeError):
             for item in ast.parse(path.read_text(encoding="utf-8")).body:
-                if isinstance(item, ast.ClassDef) and _KINDS & {ast.unparse(base) for base in item.bases}:
+                if isinstance(item, ast.ClassDef) and not kinds.isdisjoint(map(_last_name, item.bases)):
                     summary = (ast.get_docstring(item) or "").partition("\n")[0]
                     rows.append({"file": str(path), "component": item.name, "summary": summary})
     if rows:
         print("\nIn this folder: liaisons check FILE.py\n")
         print_table(rows)
+
+
+def _names_of_kinds(kind: type[Component]) -> Iterator[str]:
+    """Yield the names of the abstract classes that have been loaded, which components are derived from."""
+    for derived in kind.__subclasses__():
+        if derived.is_abstract:
+            yield derived.__name__
+            yield from _names_of_kinds(derived)
+
+
+def _last_name(base: ast.expr) -> str:
+    """Name of the base of a class, without that of its module."""
+    return ast.unparse(base).rpartition(".")[2]
 
 
 def _show_found(words: list[str]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ from liaisons_tools.cli._command import (
     Limits,
     Prescribe,
     Size,
+    Smoothing,
     Start,
     Starts,
     Step,
@@ -63,6 +65,7 @@ def animate(
     tolerance: Tolerance = None,
     inputs: Inputs,
     join: Join = "quintic",
+    smoothing: Smoothing = None,
     speed: Annotated[
         float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
     ] = None,
@@ -80,7 +83,8 @@ def animate(
     )
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        asked = requested_simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
+        moved: dict[str, Any] = {"inputs": inputs, "join": join, "smoothing": smoothing}
+        asked = requested_simulation(fmu, starts, start, stop, step, tolerance, size=size, **moved)
         result = asked.run()
     elif recorded_fmu is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
@@ -119,6 +123,7 @@ def show(
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
+    smoothing: Smoothing = None,
     controls: Annotated[str | None, option("NAME,...", "only these can be changed")] = None,
     plots: Annotated[str | None, option("NAME,...", "plot these")] = None,
     question: Annotated[str, option("TEXT", "stands above the picture")] = "",
@@ -127,18 +132,12 @@ def show(
 
     Without the compiler for WebAssembly, or if --input moves forces or jumps, a page with the recorded motion.
     """
-    from liaisons import show
-    from liaisons.base.compiler import INSTALLATION, zig_compiler
     from liaisons.library import is_target
-    from liaisons_exchange.live import default_page_path
-    from liaisons_tools.cli._inputs import tabulated_inputs
-    from liaisons_tools.cli._subject import requested_simulation, resolved_subject
     from liaisons_tools.scenarios import load_lesson, names
 
     fmu, *others = add_robot_options(
         fmus, prescribe, leave_out, limits=limits, balance_inertia=balance_inertia, floating_base=floating_base
     )
-    live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
     contents: dict[str, Any] = {
@@ -146,28 +145,46 @@ def show(
         "plots": None if plots is None else plots.split(","),
         "question": question,
     }
+    remark = ""
     if fmu in names() and not is_target(fmu) and not (others or inputs):
         page = load_lesson(fmu).show(output or f"{fmu}.html").path
     else:
-        shown, rest = resolved_subject(fmu, starts)
-        asked = None
-        if inputs or not (live or others):
-            asked = requested_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
-        moves: dict[str, Any] | None = {}
-        if asked and inputs:
-            span = asked.settings["start_time"], asked.settings["stop_time"]
-            moves = tabulated_inputs(asked.settings["inputs"], *span) if live and asked.fmu else None
-            rest = {**(asked.start_values or {}), **(moves or {})}
-        if asked is None or (live and moves is not None):
-            page = show(shown, *others, path=output, start_values=rest, **contents).path
-        else:
-            page = output or default_page_path(shown)
-            asked.run().animate(page)
-            cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
-            remark = f", a recorded motion{cure}"
+        moved = {"inputs": inputs, "join": join, "smoothing": smoothing}
+        page, remark = _written_page([fmu, *others], starts, output, contents, moved)
     print(f"page: {page}{remark}")
     if launch:
         import webbrowser
 
         webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _written_page(
+    fmus: Sequence[str], starts: Starts, output: Path | None, contents: Mapping[str, Any], moved: Mapping[str, Any]
+) -> tuple[Path, str]:
+    """Write the live page of FMUs, or of one the recorded motion; return its path, and a remark on the latter.
+
+    :param contents: what is shown, arguments of :func:`liaisons.show`.
+    :param moved: inputs of the first FMU, and how rows of tables are joined, arguments of ``requested_simulation``.
+    """
+    from liaisons import show
+    from liaisons.base.compiler import INSTALLATION, zig_compiler
+    from liaisons_exchange.live import default_page_path
+    from liaisons_tools.cli._inputs import tabulated_inputs
+    from liaisons_tools.cli._subject import requested_simulation, resolved_subject
+
+    (fmu, *others), live, asked = fmus, zig_compiler(), None
+    shown, rest = resolved_subject(fmu, starts)
+    if moved["inputs"] or not (live or others):
+        asked = requested_simulation(fmu, starts, None, None, None, None, **moved)
+    moves: dict[str, Any] | None = {}
+    if asked and moved["inputs"]:
+        span = asked.settings["start_time"], asked.settings["stop_time"]
+        moves = tabulated_inputs(asked.settings["inputs"], *span) if live and asked.fmu else None
+        rest = {**(asked.start_values or {}), **(moves or {})}
+    if asked is None or (live and moves is not None):
+        return show(shown, *others, path=output, start_values=rest, **contents).path, ""
+    page = output or default_page_path(shown)
+    asked.run().animate(page)
+    cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
+    return page, f", a recorded motion{cure}"

@@ -34,8 +34,7 @@ from fmpy.simulation import apply_start_values, instantiate_fmu
 from numpy.typing import NDArray
 
 from liaisons import System
-from liaisons.cosim import Connection, SystemComponent
-from liaisons.cosim.instances import make_instance
+from liaisons.cosim import Connection, SystemComponent, make_instance
 
 _LIBCOSIM = """
 import json, sys

@@ -15,9 +15,8 @@ from making import FmuPaths, exchange_only
 from numpy.testing import assert_allclose
 
 from liaisons import Signal, sampled, simulate
-from liaisons.cosim import SystemComponent
-from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.instances import extract_fmus, isolation, make_instance
+from liaisons.cosim import Call, SystemComponent, extract_fmus, make_instance
+from liaisons.cosim.instances import isolation
 from liaisons.errors import SimulationError
 
 H = 0.1

@@ -18,9 +18,9 @@ import pytest
 from making import wired
 
 from liaisons.base import compiler
-from liaisons.cosim import Coupling, Result, simulate
+from liaisons.cosim import Call, Coupling, Result, simulate
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import COUPLED, Call
+from liaisons.cosim.compiled.calls import COUPLED
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.running import loop
 from liaisons.errors import BuildError, SimulationError

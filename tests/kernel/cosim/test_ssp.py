@@ -24,8 +24,7 @@ from schemas import validated
 
 from liaisons import System, start, sweep
 from liaisons.base.folders import temporary_folder
-from liaisons.cosim import DefaultExperiment, simulate
-from liaisons.cosim.instances import make_instance
+from liaisons.cosim import DefaultExperiment, make_instance, simulate
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import liaisons
-from liaisons.base.project import ProjectError, load_module
-from liaisons.errors import ComponentError
+from liaisons.base.project import load_module
+from liaisons.errors import ComponentError, ProjectError
 from liaisons.language import (
     ActiveCoordinate,
     Box,

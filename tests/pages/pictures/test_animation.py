@@ -15,7 +15,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from liaisons import Result, System, operator, simulate
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim import Call
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid

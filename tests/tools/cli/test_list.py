@@ -38,6 +38,15 @@ def test_files_of_the_folder_are_listed_but_not_run(runs: Runs, tmp_path: Path) 
     assert "Broken" not in out
 
 
+@pytest.mark.parametrize("kind", ["Mechanism", "Chain", "Linkage", "Operator", "Sampled", "Hoop", "liaisons.Sampled"])
+def test_every_kind_of_component_is_listed_of_a_file(runs: Runs, tmp_path: Path, kind: str) -> None:
+    text = f'class Mine({kind}):\n    """Mine is one."""\n\n\nclass Other({kind}s, dict):\n    """Other is none."""\n'
+    (tmp_path / "mine.py").write_text(text)
+    out = runs("list")
+    assert "Mine is one." in out
+    assert "Other is none." not in out
+
+
 def test_list_finds_components_and_scenarios_by_words(runs: Runs, liaisons: Cli) -> None:
     def names(*words: str) -> set[str]:
         lines = runs("list", *words).splitlines()
