@@ -72,6 +72,21 @@ def test_what_is_no_setting_is_refused_by_name(system: System, method: str, name
         getattr(system, method)(1.0, 0.1, **{name: True})
 
 
+def test_what_is_no_setting_of_a_document_is_refused_by_name(system: System) -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'tolerence'"):
+        checked_simulation(system.document, 1.0, 0.1, tolerence=1e-9)  # type: ignore[call-arg]
+
+
+def test_components_that_are_connected_are_one_group_of_the_picture(system: System, component: FmuPaths) -> None:
+    other, last = (system.add(name, component("Oscillator")) for name in ("other", "last"))
+    scene = system.document.scene
+    assert list(scene.parts) == ["mass.", "ramp.", "other.", "last."]
+    assert scene.groups == [[0, 1], [2], [3]]
+    system.connect(last["x"], other["support"])
+    system.connect(system.parts["ramp"]["y"], last["support"])
+    assert system.document.scene.groups == [[0, 1, 2, 3]]
+
+
 def test_one_room_alone_knows_files() -> None:
     code = "from liaisons.cosim import System\ntry: {}\nexcept Exception as error: print(error)"
     for call, words in (

@@ -223,6 +223,13 @@ class Simulation:
         return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
+def refuse_unknown(function: str, settings: Mapping[str, object]) -> None:
+    """Raise a TypeError for a keyword of a function that is not a setting."""
+    for name in settings:
+        if name not in Settings.__annotations__:
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
+
+
 def checked_simulation(
     document: SystemDocument,
     stop_time: float | None = None,
@@ -240,6 +247,7 @@ def checked_simulation(
     :param endless: whether a simulation without a stop time has no end, as that of a run step by step.
     :raises SimulationError: for a bad setting.
     """
+    refuse_unknown("checked_simulation", settings)
     parts, single = document.filled().parts, document.single
     recorded = _recorded_variables(document, settings.get("record"), also)
     points = _communication_points(document, stop_time, step_size, settings, len(recorded), endless=endless)
