@@ -136,8 +136,8 @@ class Coupled:
         self._memory.reset()
         self.signals.sizes[:] = 0.0
         self.signals.result[:] = 0.0
-        for component in self._components:
-            component.forget_derivatives()
+        for newton in (newton for component in self._components for newton in component.newtons):
+            newton.record.ready = False  # the next step calculates it again
 
     def _initialize(self) -> None:
         """Solve the equations of initialization, from the start values on."""

@@ -158,11 +158,6 @@ class StrongComponent:
         """The equations of a phase, for compiled code."""
         return self._equations[phase].record
 
-    def forget_derivatives(self) -> None:
-        """Mark Newton's matrices as out of date; the next step calculates them again."""
-        for newton in self.newtons:
-            newton.record.ready = False
-
     def read_start_values(self) -> None:
         """Read the outputs of a cycle at the start values of its inputs, the first guess of the iteration."""
         for node in self.nodes if self._cyclic else ():

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from time import perf_counter, sleep
 from typing import final
 
 import numpy as np
 
 from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import logger, warn_of_non_finite_values
 from liaisons.cosim.running.contacts import (
@@ -89,11 +87,6 @@ class Observers:
         """Prepare what they read on the bus."""
         self.estimate = coupling_estimate(kernel)
         self.watchdog.prepare(kernel.bus)
-
-    @property
-    def initial_calls(self) -> Sequence[Call]:
-        """Calls after initialization, which read what the estimate needs."""
-        return () if self.estimate is None else self.estimate.initial_calls
 
     def recorded_result(self, kernel: Kernel) -> tuple[Result, list[tuple[Indices, str]]]:
         """The result of all that was recorded so far, and the impulses that went missing in it."""

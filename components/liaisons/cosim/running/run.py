@@ -100,10 +100,11 @@ class Run:
         :param parts: the same with other start values.
         :raises SimulationError: if an FMU refuses something.
         """
-        kernel, last, self._lost = self._kernel, self._observers.initial_calls, True
+        kernel, estimate, self._lost = self._kernel, self._observers.estimate, True
+        last = () if estimate is None else estimate.initial_calls  # which read what it needs
         kernel.start(parts or kernel.simulation.parts, self._restores, last, self._stepping.happening)
         self._observers.real_time.reset()
-        self._variables.forget()
+        self._variables.restore({})  # no input is as it was set before
         self._lost = False
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:

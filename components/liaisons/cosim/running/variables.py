@@ -86,10 +86,6 @@ class RunVariables:
             return calls, values, lambda values: text(values[0]).decode(errors="replace")
         return calls, values, lambda values: float(values[0]) if shape is None else values.reshape(shape).copy()
 
-    def forget(self) -> None:
-        """Forget which values were set, before a run starts again."""
-        self.restore({})
-
     def save(self) -> dict[str, Vector]:
         """Values of inputs that were set last, for :meth:`restore`."""
         return {name: free.values.copy() for name, free in self._free_inputs.items()}
