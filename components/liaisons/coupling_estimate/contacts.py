@@ -30,7 +30,8 @@ _SLOPE = 7.5
 _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
-"""Distance, relative to the inputs, that is rounding if it is never exceeded: the bodies touch all the time."""
+"""Distance, relative to the largest one, that is rounding, as in an FMU's core; relative to the inputs, if it is never
+exceeded: the bodies touch all the time."""
 _UNSURE = 16.0, 16.0, 6.0
 """Error of a distance inside a step, relative to that of the inputs, with none, one or both of its neighbours."""
 _NARROWINGS = 3
@@ -170,7 +171,7 @@ def accumulated_errors(
             elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
             error, least = unsure[c, k] * reach, dips[c, k]
-            if least < error:
+            if least < error and error > _TOUCHING * length:  # rounding no shorter step would resolve
                 doubtful.append(UnresolvedContact(c, times[k + 1], H, least, error))
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))

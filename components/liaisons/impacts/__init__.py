@@ -1,4 +1,12 @@
-"""Impacts that several FMUs take part in: where impulses go through connections, they are those of the whole system."""
+"""Impacts that several FMUs take part in: where impulses go through connections, they are those of the whole system.
+
+Which contacts of an FMU push, stick or slide, with which impulses, and what is rounding there, its core decides.  It
+is asked through the ports: by jumps of rates and sums of impulses in an impact, by accelerations and loads for dry
+friction.  Three rules stand here, since no variable of an FMU tells effective mass, thresholds and scales of its
+contacts, and none takes modes: of the combinations of modes on which FMUs agree, that in which most sticks is taken; a
+velocity of rounding is told by the rates and accelerations of the ports; and all FMUs together gain no energy, of which
+each sees its part only.
+"""
 
 from __future__ import annotations
 

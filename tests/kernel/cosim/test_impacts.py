@@ -215,6 +215,16 @@ def test_errors_are_reflected_with_the_motion() -> None:
     assert accumulated_errors(ball, rows, time, 0 * time, 0 * time, crossing=time < 0)[0].tolist() == [0.0] + [1.0] * 4
 
 
+@pytest.mark.parametrize(("off", "doubts"), [(1e-9, 1), (1e-14, 0)])
+def test_rounding_of_a_distance_is_no_doubt(off: float, doubts: int) -> None:
+    """A distance of (t - 1.5)²/2 that touches 0 between points: shorter steps would tell, down to rounding."""
+    time = np.arange(4.0)
+    rows = np.array([(time - 1.5) ** 2 / 2, time - 1.5, 0 * time, 0 * time]).T
+    ball = ContactMechanism("ball", np.array([[0, 1, 2, 3]]), frozenset())
+    doubtful = accumulated_errors(ball, rows, time, np.full(4, off), 0 * time, crossing=time < 0)[1]
+    assert [one.time for one in doubtful] == [2.0] * doubts
+
+
 @pytest.mark.usefixtures("interruptible")
 def test_interrupted_run_keeps_its_warnings(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
     """Whatever is logged: of the impulse that went missing at 0.247 s."""
