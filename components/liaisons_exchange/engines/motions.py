@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,12 @@ from liaisons.errors import InvalidValueError
 
 Motion = Callable[[float], tuple[float, float, float]]
 """Of a time [s]: σ, σ̇, σ̈ of a joint, in rad or m."""
+
+
+def require_motions(motions: Mapping[str, Motion]) -> None:
+    """:raises InvalidValueError: where no joint is prescribed."""
+    if not motions:
+        raise InvalidValueError('motions is empty; prescribe a joint: {"pivot": lambda t: (σ, σ̇, σ̈)}')
 
 
 def evaluated(motions: Iterable[tuple[str, Motion]], time: float) -> NDArray[np.float64]:

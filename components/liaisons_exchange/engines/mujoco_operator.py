@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import InvalidValueError, ProjectError, suggestion
-from liaisons_exchange.engines.motions import Motion, evaluated, multipliers
+from liaisons_exchange.engines.motions import Motion, evaluated, multipliers, require_motions
 
 mujoco: Any = import_module("mujoco") if find_spec("mujoco") else None
 
@@ -36,9 +36,9 @@ class MujocoOperator:
     :param motions: joint -> function of time [s] that returns σ, σ̇, σ̈ (rad or m).
     :param control: your own control callback, called before, since λ depends on what actuators do.
     :raises ProjectError: if the package ``mujoco`` is missing.
-    :raises InvalidValueError: for a joint that is unknown or no hinge or slide, and for other integrators; by the
-        callback where a contact, equality, friction loss or limit acts on the kinematic tree of a prescribed joint,
-        and for a motion that does not return three finite numbers.
+    :raises InvalidValueError: without motions, for a joint that is unknown or no hinge or slide, and for other
+        integrators; by the callback for another model, where a contact, equality, friction loss or limit acts on the
+        kinematic tree of a prescribed joint, and for a motion that does not return three finite numbers.
 
     Source: M 3.5 and 7, with R. Featherstone, Rigid Body Dynamics Algorithms, 9.2 (hybrid dynamics).
     """
@@ -52,10 +52,12 @@ class MujocoOperator:
     ) -> None:
         if mujoco is None:
             raise ProjectError("MujocoOperator needs MuJoCo; pip install mujoco")
+        require_motions(motions)
         _refuse_integrator(model)
         joints = [_joint(model, name) for name in motions]
         self._motions = tuple(motions.items())
         self._control = control
+        self._signature = model.signature
         self._positions = model.jnt_qposadr[joints]
         self._rows = model.jnt_dofadr[joints]
         self._units = np.eye(model.nv)[self._rows]
@@ -65,7 +67,7 @@ class MujocoOperator:
         """Set ``qfrc_applied`` of the prescribed joints to λ."""
         if self._control is not None:
             self._control(model, data)
-        self._refuse_constraints(model, data)
+        self._refuse(model, data)
         data.qfrc_applied[self._rows] = 0.0
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_fwdAcceleration(model, data)
@@ -105,8 +107,14 @@ class MujocoOperator:
         mujoco.mj_solveM(model, data, rows, self._units)
         return rows
 
-    def _refuse_constraints(self, model: Any, data: Any) -> None:
-        """MuJoCo adds their forces after the callback, so that λ would not be that of σ(t)."""
+    def _refuse(self, model: Any, data: Any) -> None:
+        """MuJoCo adds forces of constraints after the callback, so that λ would not be that of σ(t)."""
+        if model.signature != self._signature:
+            raise InvalidValueError(
+                f"MujocoOperator of {', '.join(name for name, _ in self._motions)} was called with another model: "
+                "set_mjcb_control holds for all models; call set_mjcb_control(None) before you step another one"
+            )
+        _refuse_integrator(model)
         if data.nefc == 0:
             return
         acts = _acting(model, data)[:, self._coupled].any(axis=1)
@@ -156,11 +164,16 @@ def _constraint(model: Any, data: Any, row: int) -> tuple[str, str]:
     """Kind and name of a constraint."""
     kinds, kind, index = mujoco.mjtConstraint, mujoco.mjtConstraint(int(data.efc_type[row])), int(data.efc_id[row])
     if kind == kinds.mjCNSTR_EQUALITY:
-        return "equality", repr(model.equality(index).name)
+        return "equality", _named(model.equality(index))
     if kind == kinds.mjCNSTR_FRICTION_DOF:
-        return "friction loss of joint", repr(model.joint(int(model.dof_jntid[index])).name)
+        return "friction loss of joint", _named(model.joint(int(model.dof_jntid[index])))
     if kind == kinds.mjCNSTR_LIMIT_JOINT:
-        return "limit of joint", repr(model.joint(index).name)
+        return "limit of joint", _named(model.joint(index))
     if kind in (kinds.mjCNSTR_FRICTION_TENDON, kinds.mjCNSTR_LIMIT_TENDON):
-        return "friction loss or limit of tendon", repr(model.tendon(index).name)
-    return "contact of geoms", " and ".join(repr(model.geom(int(geom)).name) for geom in data.contact.geom[index])
+        return "friction loss or limit of tendon", _named(model.tendon(index))
+    return "contact of geoms", " and ".join(_named(model.geom(int(geom))) for geom in data.contact.geom[index])
+
+
+def _named(element: Any) -> str:
+    """Its name, or its number where it has none."""
+    return repr(element.name) if element.name else f"number {element.id}"

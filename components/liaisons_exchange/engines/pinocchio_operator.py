@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import InvalidValueError, ProjectError, suggestion
-from liaisons_exchange.engines.motions import Motion, evaluated, multipliers
+from liaisons_exchange.engines.motions import Motion, evaluated, multipliers, require_motions
 
 pin: Any = import_module("pinocchio") if find_spec("pinocchio") else None
 
@@ -26,8 +26,8 @@ class PinocchioOperator:
     :param model: ``pinocchio.Model``.
     :param motions: joint -> function of time [s] that returns σ, σ̇, σ̈ (rad or m).
     :raises ProjectError: if the package ``pin`` is missing.
-    :raises InvalidValueError: for a joint that is unknown or has more than one coordinate, and for a motion that does
-        not return three finite numbers.
+    :raises InvalidValueError: without motions, for a joint that is unknown or has more than one coordinate, and for a
+        motion that does not return three finite numbers.
 
     Source: M 3.5 and 7, with R. Featherstone, Rigid Body Dynamics Algorithms, 9.2.
     """
@@ -35,6 +35,7 @@ class PinocchioOperator:
     def __init__(self, model: Any, motions: Mapping[str, Motion]) -> None:
         if pin is None:
             raise ProjectError("PinocchioOperator needs Pinocchio; pip install pin")
+        require_motions(motions)
         joints = [_joint(model, name) for name in motions]
         self._model, self._data = model, model.createData()
         self._motions = tuple(motions.items())

@@ -148,6 +148,7 @@ REFUSED = {
     "friction loss of joint 'theta'": {"joint": 'frictionloss="0.1"'},
     "limit of joint 'theta'": {"joint": 'limited="true" range="-1 1"'},
     "equality 'held'": {"more": '<equality><joint name="held" joint1="theta"/></equality>'},
+    "equality number 0": {"more": '<equality><joint joint1="theta"/></equality>'},
     "friction loss or limit of tendon 'rope'": {
         "more": '<tendon><fixed name="rope" frictionloss="1"><joint joint="theta" coef="1"/></fixed></tendon>'
     },
@@ -180,11 +181,14 @@ def test_constraints_elsewhere_are_left_alone(jacobian) -> None:
 
 
 def test_integrators_that_are_implicit_are_refused() -> None:
-    model, _ = loaded()
+    model, data = loaded()
+    operator = MujocoOperator(model, {"pivot": pivot})
     for integrator in ("IMPLICIT", "IMPLICITFAST"):
         model.opt.integrator = mujoco.mjtIntegrator.__members__[f"mjINT_{integrator}"]
         with pytest.raises(InvalidValueError, match=f"mjINT_{integrator} is not explicit; .* RK4"):
             MujocoOperator(model, {"pivot": pivot})
+        with pytest.raises(InvalidValueError, match=f"mjINT_{integrator} is not explicit"):
+            operator(model, data)  # as a callback, when somebody has changed the model
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     MujocoOperator(model, {"pivot": pivot})
     model.dof_damping[1] = 0.1
@@ -194,9 +198,20 @@ def test_integrators_that_are_implicit_are_refused() -> None:
     MujocoOperator(model, {"pivot": pivot})
 
 
+def test_another_model_under_the_same_callback_is_refused(callback) -> None:
+    other = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    callback(MujocoOperator(loaded()[0], {"pivot": pivot}))
+    with pytest.raises(InvalidValueError, match=r"of pivot was called with another model: .* set_mjcb_control\(None\)"):
+        mujoco.mj_step(other, mujoco.MjData(other))
+
+
 def test_joints_and_motions_that_do_not_fit_are_refused() -> None:
     free = '<body pos="5 0 0"><joint name="turn" type="ball"/><geom size="0.1"/></body>'
     model, data = loaded(world=free)
+    with pytest.raises(InvalidValueError, match="motions is empty"):
+        MujocoOperator(model, {})
     with pytest.raises(InvalidValueError, match="the model has no joint 'pivt'; did you mean 'pivot'"):
         MujocoOperator(model, {"pivt": pivot})
     with pytest.raises(InvalidValueError, match="'turn' is neither hinge nor slide"):
@@ -207,6 +222,8 @@ def test_joints_and_motions_that_do_not_fit_are_refused() -> None:
             MujocoOperator(model, {"pivot": lambda _, wrong=wrong: wrong}).place(data)
     spherical = pin.Model()
     spherical.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    with pytest.raises(InvalidValueError, match="motions is empty"):
+        PinocchioOperator(spherical, {})
     with pytest.raises(InvalidValueError, match="no joint 'bal'; did you mean 'ball'"):
         PinocchioOperator(spherical, {"bal": pivot})
     with pytest.raises(InvalidValueError, match="joint 'ball' has 4 coordinates"):
