@@ -6,7 +6,7 @@ Each task has a closed form, or a reference by Lagrange's equations from SymPy, 
 and its energy account (``referee/tasks``).  Each way takes the best of its grid of settings at each step
 (``referee/engines``).  Errors are the largest at 40 instants, relative to the largest value.  Times are ratios to our
 FMU through FMPy with the same step in the same round, and include reading the force at each step.  What stands in
-``results/referee`` is kept: take a file away to measure that engine again.  Engines that are not installed are said.
+``results/referee`` is kept: take a file away to measure that engine again.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,125 +24,102 @@ import numpy as np
 from _measure import HERE, Row, command, number, quartiles
 
 ENGINES = ("ours", "mujoco", "pinocchio", "newton", "drake", "exudyn", "rumoca", "pythonfmu3")
-ASKED = {"motion": 1e-10, "force": 1e-9, "work": 1e-9}  # of ours
+ASKED = {"motion": "<= 1e-10", "force": "<= 1e-09", "work": "<= 1e-09"}  # of ours
+Cell = Mapping[str, Any]
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:
     folder = plots / "referee"
     folder.mkdir(exist_ok=True)
-    cells: dict[str, dict[str, dict[str, Any]]] = {}  # of ways and tasks
+    ways: dict[str, dict[str, Cell]] = {}
     for engine in ENGINES:
-        words = [sys.executable, "-m", "referee.run", engine, str(folder), *["--quick"] * quick]
-        subprocess.run(words, cwd=HERE, check=False)
-        path = folder / f"{engine}.json"
-        for task, found in json.loads(path.read_text(encoding="utf-8")).items() if path.exists() else ():
-            for cell in found:
-                cells.setdefault(f"{cell['engine']}: {cell['way']}", {})[task] = cell
-    tasks = next(iter(cells.values()))
-    for task in tasks:
-        _plot(task, [column[task] for column in cells.values() if task in column], plots)
-    (plots / "referee_errors.md").write_text(_tables(cells, [*tasks]), encoding="utf-8")
-    if not (folder / "public.json").exists():
-        subprocess.run([sys.executable, "-m", "referee.public", str(folder)], cwd=HERE, check=False)
-    if (folder / "public.json").exists():
-        (plots / "referee_public.md").write_text(_public(folder / "public.json"), encoding="utf-8")
-    references = json.loads((folder / "references.json").read_text(encoding="utf-8"))
-    rows = [
-        Row("References, relative", f"{task}: {name}", value, "")
-        for task, kept in references.items()
-        for name, value in kept["checks"].items()
-    ]
-    return rows + [row for task in tasks for column in cells.values() if task in column for row in _rows(column[task])]
-
-
-def _rows(cell: dict[str, Any]) -> list[Row]:
-    task, case, points = cell["task"], f"{cell['engine']}: {cell['way']}", cell["points"]
-    if not points:
-        return [Row(task, case, math.nan, "", remark=cell["refused"])]
-    last, ours = points[-1], cell["engine"] == "liaisons"
-    low, high = quartiles(last["ratios"]) or (last["ratios"][0],) * 2
-    words = [f"{name} {_error(error)}" for name, error in zip(ASKED, last["errors"], strict=True)][1:]
-    words += [
-        f"{1e3 * last['step']:g} ms",
-        f"{number(np.median(last['ratios']))} × time ({number(low)} .. {number(high)})",
-    ]
-    words += [f"{name} {value}" for name, value in last["setting"].items()] + [f"page {cell['page']}"]
-    rows = [Row(task, case, last["errors"][0], "", remark=", ".join(words))]
-    if not ours:
-        return rows
-    return [
-        Row(
-            task,
-            f"{case}, {kind}",
-            error,
-            "",
-            asked=f"<= {ASKED[kind]:g}",
-            remark=", ".join(words) * (kind == "motion"),
+        ways |= _measured(engine, folder, *["--quick"] * quick)
+    tasks = [*ways["liaisons: FMPy"]]
+    (plots / "referee_errors.md").write_text(_table(ways, tasks, "motion") + "\n" + _table(ways, tasks, "force"))
+    if not quick:
+        public = _measured("public", folder)
+        names = [*next(iter(public.values()))]
+        (plots / "referee_public.md").write_text(
+            _table(public, names, "motion") + "\n" + _table(public, names, "force")
         )
-        for kind, error in zip(ASKED, last["errors"], strict=True)
-    ]
+    rows = []
+    for task, kept in json.loads((folder / "references.json").read_text(encoding="utf-8")).items():
+        rows += [Row("References, relative", f"{task}: {name}", value, "") for name, value in kept["checks"].items()]
+    for task in tasks:
+        cells = [column[task] for column in ways.values() if task in column]
+        _plot(task, cells, plots)
+        rows += [row for cell in cells for row in _rows(cell)]
+    return rows
 
 
-def _error(value: float | None) -> str:
-    return (
-        "–"
-        if value is None
-        else "> 1000"
-        if value > 1e3
-        else f"{value:.0e}".replace("e-0", "e-").replace("e+00", "").replace("e+0", "e")
-    )
+def _measured(engine: str, folder: Path, *options: str) -> dict[str, dict[str, Cell]]:
+    """Cells of an engine by way and task."""
+    subprocess.run([sys.executable, "-m", "referee.run", engine, str(folder), *options], cwd=HERE, check=False)
+    path = folder / f"{engine}.json"
+    if not path.exists():
+        return {engine: {}}
+    ways: dict[str, dict[str, Cell]] = {}
+    for task, cells in json.loads(path.read_text(encoding="utf-8")).items():
+        for cell in cells:
+            ways.setdefault(f"{cell['engine']}: {cell['way']}", {})[task] = cell
+    return ways
 
 
-def _tables(cells: dict[str, dict[str, dict[str, Any]]], tasks: list[str]) -> str:
-    """Motion and force by way and task, at the smallest step; time as a ratio, the median of tasks."""
-    text = ""
-    for k, kind in enumerate([*ASKED][:2]):
-        lines = [[f"error of {kind}", *tasks, "time"], ["---"] * (len(tasks) + 2)]
-        for way, column in cells.items():
-            points = [cell["points"][-1] for cell in column.values() if cell["points"]]
-            ratios = [float(np.median(point["ratios"])) for point in points]
-            time = number(round(float(np.median(ratios)), 1)) if ratios else "–"
-            if spread := quartiles(ratios):
-                time += f" ({spread[0]:.1f} .. {spread[1]:.1f})"
-            lines.append([way, *(_cell(column.get(task), k) for task in tasks), time])
-        text += "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n\n"
-    return text
+def _rows(cell: Cell) -> Iterable[Row]:
+    """Motion, force and work at the smallest step; with the motion, how they were measured."""
+    task, case = cell["task"], f"{cell['engine']}: {cell['way']}"
+    if not cell["points"]:
+        yield Row(task, case, math.nan, "", remark=cell["refused"])
+        return
+    last = cell["points"][-1]
+    remark = [f"{1e3 * last['step']:g} ms", f"{_time(last['ratios'])} × time"]
+    remark += [f"{name} {value}" for name, value in last["setting"].items()]
+    remark = ", ".join([*remark, f"page {cell['page']}"])
+    for (kind, bound), error in zip(ASKED.items(), last["errors"], strict=True):
+        asked = bound if cell["engine"] == "liaisons" else ""
+        yield Row(task, f"{case}, {kind}", math.nan if error is None else error, "", asked=asked, remark=remark)
+        remark = ""
 
 
-def _public(path: Path) -> str:
-    """Motion / force by file and way."""
-    found = json.loads(path.read_text(encoding="utf-8"))
-    lines = [["file", *next(iter(found.values()))], ["---"] * 6]
-    for name, row in found.items():
-        cells = [
-            " / ".join(_error(None if math.isnan(e) else e) for e in said)
-            if isinstance(said, list)
-            else str(said or "no root joint")
-            for said in row.values()
-        ]
-        lines.append([f"{name}.xml", *cells])
-    return "\n".join(f"| {' | '.join(line[:6])} |" for line in lines) + "\n"
+def _table(ways: Mapping[str, Mapping[str, Cell]], tasks: list[str], kind: str) -> str:
+    """Errors by way and task at the smallest step; time as a ratio, the median of tasks."""
+    lines = [[f"error of {kind}", *tasks, "time"], ["---"] * (len(tasks) + 2)]
+    for way, column in ways.items():
+        ratios = [np.median(cell["points"][-1]["ratios"]) for cell in column.values() if cell["points"]]
+        found = [_said(column[task], kind) if task in column else "not installed" for task in tasks]
+        lines.append([way, *found, _time(ratios)])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _cell(cell: dict[str, Any] | None, kind: int) -> str:
-    if cell is None:
-        return "not measured"
-    return _error(cell["points"][-1]["errors"][kind]) if cell["points"] else cell["refused"]
+def _time(ratios: list[Any]) -> str:
+    """Median and quartiles."""
+    low, high = quartiles(ratios) or (math.nan, math.nan)
+    return f"{number(np.median(ratios or [math.nan]))} ({number(low)} .. {number(high)})"
 
 
-def _plot(task: str, cells: Sequence[dict[str, Any]], folder: Path) -> None:
+def _said(cell: Cell, kind: str) -> str:
+    if not cell["points"]:
+        return cell["refused"]
+    error = cell["points"][-1]["errors"][[*ASKED].index(kind)]
+    if error is None:
+        return "not given"
+    return "> 1000" if error > 1e3 else f"{error:.1g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def _plot(task: str, cells: Iterable[Cell], folder: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), sharex=True, layout="constrained")
-    for axis in axes:
-        axis.set_prop_cycle(color=list(plt.colormaps["tab20"](range(20))))
-    for cell in cells:
-        times = [point["seconds"] for point in cell["points"]]
-        for k, axis in enumerate(axes):
-            errors = [np.clip(np.nan if (e := p["errors"][k]) is None else e, 1e-16, 1e3) for p in cell["points"]]
-            label = f"{cell['engine']}: {cell['way']}" if k == 0 and times else None
-            axis.loglog(times, errors, "o-" if cell["engine"] == "liaisons" else ".-", label=label, linewidth=0.8)
-    for kind, axis in zip(ASKED, axes, strict=True):
+    for k, (kind, axis) in enumerate(zip(ASKED, axes, strict=True)):
+        axis.set_prop_cycle(color=plt.colormaps["tab20"](range(20)))
+        for cell in cells:
+            points = [
+                (p["seconds"], math.nan if (e := p["errors"][k]) is None else min(e, 1e3)) for p in cell["points"]
+            ]
+            marker = "o-" if cell["engine"] == "liaisons" else ".-"
+            axis.loglog(
+                *np.array(points).reshape(-1, 2).T, marker, label=f"{cell['engine']}: {cell['way']}", linewidth=0.8
+            )
         axis.set(title=f"{task}: {kind}", xlabel="processor time [s]", ylabel="error, relative")
-    figure.legend(loc="outside right center", fontsize="small")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize="small")
     figure.savefig(folder / f"referee_{task.replace(' ', '_')}.png", dpi=80)
     plt.close(figure)
 

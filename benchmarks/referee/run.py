@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from referee.engines import ours
+from referee.engines import ours_ways
 from referee.task import Answer, Task
 from referee.tasks import TASKS
 from referee.way import CannotError, Run, Way
@@ -24,59 +23,66 @@ ROUNDS = 3  # at the smallest step
 
 
 def main(engine: str, folder: str, *options: str) -> None:
-    path, quick = Path(folder) / f"{engine}.json", "--quick" in options
     try:
-        ways: Sequence[Way] = import_module(f"referee.engines.{engine}{'' if engine == 'ours' else '_ways'}").WAYS
+        module = import_module(f"referee.engines.{engine}_ways")
     except ImportError as error:
-        raise SystemExit(f"without {engine}: {error}") from None
-    found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    for task in TASKS[2:3] if quick else TASKS:
+        raise SystemExit(f"{engine} is not installed: {error}") from None
+    path, quick = Path(folder) / f"{engine}.json", "--quick" in options
+    found = read(path)
+    for task in TASKS[2:3] if quick else getattr(module, "TASKS", TASKS):
         kept = {cell["way"]: cell for cell in found.get(task.name, ())}
-        if missing := [way for way in ways if way.name not in kept]:
-            reference = _reference(task, Path(folder) / "references.json")
-            kept |= {way.name: cell(task, way, reference, quick=quick) for way in missing}
-            found[task.name] = [kept[way.name] for way in ways]
-            path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        if [*kept] != [way.name for way in module.WAYS]:
+            exact = _reference(task, Path(folder) / "references.json")
+            found[task.name] = [kept.get(way.name) or cell(task, way, exact, quick=quick) for way in module.WAYS]
+            write(path, found)
             print(f"{engine}: {task.name}", file=sys.stderr, flush=True)
 
 
-def cell(task: Task, way: Way, reference: Answer, *, quick: bool) -> dict[str, Any]:
+def read(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def write(path: Path, found: dict[str, Any], indent: int | None = 1) -> None:
+    path.write_text(json.dumps(found, indent=indent, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def cell(task: Task, way: Way, exact: Answer, *, quick: bool) -> dict[str, Any]:
     """A task by a way: the best of its grid at each step, or why there is none."""
     points, refused = [], ""
-    for step in way.steps[: 1 if quick else None]:
-        found: list[tuple[Run, Mapping[str, Any]]] = []
-        for setting in way.settings:
-            try:
-                found.append((way.run(task, step, **setting), setting))
-            except CannotError as error:
-                refused = str(error)
-        if not found:
-            break
-        (best, setting), refused = min(found, key=lambda run: run[0].answer.errors(reference)[0] or 0.0), ""
-        seconds, beside = [best.seconds], [ours.by_fmpy(task, step).seconds]
-        for _ in range(ROUNDS - 1 if step == way.steps[-1] else 0):
-            seconds.append(way.run(task, step, **setting).seconds)
-            beside.append(ours.by_fmpy(task, step).seconds)
-        ratios = [a / b for a, b in zip(seconds, beside, strict=True)]
-        errors = best.answer.errors(reference)
-        points.append({"step": step, "setting": setting, "errors": errors, "seconds": seconds[0], "ratios": ratios})
-    return {
-        "task": task.name,
-        "engine": way.engine,
-        "way": way.name,
-        "page": way.page,
-        "refused": refused,
-        "points": points,
-    }
+    try:
+        for step in way.steps[: 1 if quick else None]:
+            run, setting = _best(task, way, step, exact)
+            ratios = []
+            for k in range(0 if task.file else ROUNDS if step == way.steps[-1] else 1):
+                seconds = (way.run(task, step, **setting) if k else run).seconds
+                ratios.append(seconds / ours_ways.by_fmpy(task, step).seconds)
+            measured = {"errors": run.answer.errors(exact), "seconds": run.seconds, "ratios": ratios}
+            points.append({"step": step, "setting": setting, **measured})
+    except CannotError as error:
+        refused = str(error)
+    said = {"task": task.name, "engine": way.engine, "way": way.name, "page": way.page}
+    return {**said, "refused": refused, "points": points}
+
+
+def _best(task: Task, way: Way, step: float, exact: Answer) -> tuple[Run, dict[str, Any]]:
+    found, refused = [], CannotError()
+    for setting in way.settings:
+        try:
+            found.append((way.run(task, step, **setting), setting))
+        except CannotError as error:
+            refused = error
+    if not found:
+        raise refused
+    return min(found, key=lambda run: run[0].answer.errors(exact)[0])
 
 
 def _reference(task: Task, path: Path) -> Answer:
     """The answer, kept with its checks."""
-    kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    kept = read(path)
     if task.name not in kept:
-        answer = asdict(task.answer(task.times))
-        kept[task.name] = {name: values.tolist() for name, values in answer.items()} | {"checks": task.checks()}
-        path.write_text(json.dumps(kept) + "\n", encoding="utf-8")
+        answer = {name: values.tolist() for name, values in asdict(task.answer(task.times)).items()}
+        kept[task.name] = {**answer, "checks": task.checks()}
+        write(path, kept, indent=None)
     return Answer(*(np.array(kept[task.name][name]) for name in ("motion", "force", "work")))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Motion = Callable[..., tuple[Any, Any, Any]]
-"""Of a time: σ, σ̇, σ̈; takes extended precision, too."""
+"""Of a time, and of where the last jump was: σ, σ̇, σ̈; takes extended precision, too."""
 GRAVITY = 9.81  # [m/s2]
 INSTANTS = 40
 NEAR = 1e-12  # [s], from a jump
@@ -33,13 +34,11 @@ class Answer:
 
     def errors(self, reference: Answer) -> list[float | None]:
         """Of motion, force and work, relative to the largest value of the reference; infinite where it is lost."""
-        pairs = ((self.motion, reference.motion), (self.force, reference.force), (self.work, reference.work))
-        return [None if a is None or b is None else _relative(a, b) for a, b in pairs]
-
-
-def _relative(a: NDArray, b: NDArray) -> float:
-    error = float(np.max(np.abs(a - b)) / np.max(np.abs(b)))
-    return error if error < LOST else math.inf
+        found: list[float | None] = []
+        for said, exact in zip(vars(self).values(), vars(reference).values(), strict=True):
+            error = None if said is None else float(np.max(np.abs(said - exact)) / np.max(np.abs(exact)))
+            found.append(error if error is None or error < LOST else math.inf)
+        return found
 
 
 @dataclass(frozen=True)
@@ -49,23 +48,24 @@ class Task:
     Joints of the file in MJCF and variables of our component have the same names.
 
     :ivar motions: prescribed joint -> motion; ``jumps`` are instants at which σ̇ jumps [s].
-    :ivar start: other joint -> place and rate at the start, 0 where it is not named; ``spin`` is that of a ball joint.
     :ivar asked: joints whose places are asked, of ``signals`` in ours; ``whole``: their sum with the prescribed one.
     :ivar checks: what the reference is held against: words -> relative difference.
+    :ivar start: other joint -> place and rate at the start, 0 where it is not named; ``spin`` is that of a ball joint.
     :ivar force: signal of ours; that of the first prescribed joint by default.
     :ivar carrier: mass of the first prescribed body, whose part of the force is left out [kg]; ``weight`` is the
         acceleration of gravity along it [m/s2].
     :ivar constraint: what acts besides joints, if anything.
     :ivar lagrange: the equations of motion by SymPy, if they are.
+    :ivar file: in MJCF, unless it is in the folder of tasks.
     """
 
     name: str
     stop: float
     motions: Mapping[str, Motion]
     asked: Sequence[str]
-    answer: Callable[[NDArray], Answer]
-    checks: Callable[[], Mapping[str, float]]
     component: str
+    answer: Callable[[NDArray], Answer] | None = None
+    checks: Callable[[], Mapping[str, float]] = dict
     start: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     spin: Sequence[float] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -77,6 +77,7 @@ class Task:
     whole: bool = False
     constraint: str = ""
     lagrange: Any = None
+    file: Path | None = None
 
     @property
     def times(self) -> NDArray:
@@ -88,33 +89,33 @@ class Task:
             t += side * 2 * NEAR
         return np.array([motion(t) for motion in self.motions.values()], dtype=float).T
 
-    def text(self, ending: str) -> str:
+    def path(self, ending: str) -> Path:
         """The mechanism as a file in MJCF (xml) or Modelica (mo)."""
-        path = Path(__file__).parent / "tasks" / f"{self.name.lower().replace(' ', '_').replace('-', '_')}.{ending}"
-        return path.read_text(encoding="utf-8")
+        stem = re.sub(r"\W", "_", self.name.lower())
+        return self.file or Path(__file__).parent / "tasks" / f"{stem}.{ending}"
 
     def mjcf(self, more: str = "") -> str:
-        return self.text("xml").replace("</mujoco>", f"{more}</mujoco>")
+        return self.path("xml").read_text(encoding="utf-8").replace("</mujoco>", f"{more}</mujoco>")
 
     @property
     def springs(self) -> dict[str, float]:
         """Joint -> stiffness."""
-        joints = ET.fromstring(self.mjcf()).iter("joint")
-        return {joint.attrib["name"]: float(k) for joint in joints if (k := joint.get("stiffness"))}
+        joints = ET.fromstring(self.mjcf()).iterfind(".//joint[@stiffness]")
+        return {joint.attrib["name"]: float(joint.attrib["stiffness"]) for joint in joints}
 
 
-def sin(x: Any) -> Any:
-    return np.sin(x) if isinstance(x, np.longdouble) else math.sin(x)
+def _of_both(name: str) -> Callable[[Any], Any]:
+    """Function of ``math``, or in extended precision of NumPy."""
+    return lambda x: getattr(np if isinstance(x, np.longdouble) else math, name)(x)
 
 
-def cos(x: Any) -> Any:
-    return np.cos(x) if isinstance(x, np.longdouble) else math.cos(x)
+sin, cos = _of_both("sin"), _of_both("cos")
 
 
 def sinusoid(offset: float, amplitude: float, frequency: float, phase: float = 0.0) -> Motion:
     """offset + amplitude sin(frequency t + phase)."""
 
-    def motion(t: Any) -> tuple[Any, Any, Any]:
+    def motion(t: Any, *_: Any) -> tuple[Any, Any, Any]:
         sine, cosine = sin(frequency * t + phase), cos(frequency * t + phase)
         return offset + amplitude * sine, amplitude * frequency * cosine, -amplitude * frequency**2 * sine
 

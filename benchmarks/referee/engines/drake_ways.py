@@ -1,14 +1,8 @@
 """Drake: positions set in the context, and implicit PD control of a discrete plant."""
 
-from __future__ import annotations
-
 import logging
-import tempfile
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -16,76 +10,60 @@ from pydrake.multibody.tree import PdControllerGains, PrismaticSpring
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from referee.task import Task
-from referee.way import CannotError, Places, Run, Way, march
+from referee.way import CannotError, Model, Way, overwritten
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # of options in MJCF that belong to MuJoCo
 
 
-class _Plant:
-    """A task in Drake at its start."""
+class _Model(Model):
+    """A task in Drake at its start; prescribed joints have motors if there are gains for them."""
 
-    def __init__(self, task: Task, step: float, gains: tuple[float, float] | None) -> None:
+    def __init__(self, task, step, gains=None):
         if task.constraint == "friction loss":
             raise CannotError("no friction between joints")
         builder = DiagramBuilder()
-        plant: Any = AddMultibodyPlantSceneGraph(builder, time_step=step)[0]
-        motors = "".join(f'<motor name="{name}" joint="{name}"/>' for name in task.motions) if gains else ""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "task.xml"
-            path.write_text(task.mjcf(f"<actuator>{motors}</actuator>"), encoding="utf-8")
-            Parser(plant).AddModels(str(path))
+        plant = AddMultibodyPlantSceneGraph(builder, time_step=step)[0]
+        driven = task.motions if gains else ()
+        motors = "".join(f'<motor name="{name}" joint="{name}"/>' for name in driven)
+        Parser(plant).AddModelsFromString(task.mjcf(f"<actuator>{motors}</actuator>"), "xml")
         if task.constraint == "equality":
             coupler, rocker = (plant.GetBodyByName(name) for name in ("coupler", "rocker"))
             plant.AddBallConstraint(coupler, [1.5, 0.0, 0.0], rocker, [1.2, 0.0, 0.0])
         for name, stiffness in task.springs.items():  # which its parser leaves out
             plant.AddForceElement(PrismaticSpring(plant.GetJointByName(name), 0.0, stiffness))
-        for name in task.motions if gains else ():
-            plant.GetJointActuatorByName(name).set_controller_gains(PdControllerGains(p=gains[0], d=gains[1]))
+        for name in driven:
+            plant.GetJointActuatorByName(name).set_controller_gains(gains)
         plant.Finalize()
-        joints = [plant.get_joint(k) for k in plant.GetJointIndices()]
-        self.plant, self.task, self.step = plant, task, step
-        self.simulator: Any = Simulator(builder.Build())
+        self.plant = plant
+        self.simulator = Simulator(builder.Build())
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
-        self.places = Places(
-            task,
-            {joint.name(): joint.position_start() for joint in joints},
-            {joint.name(): joint.velocity_start() for joint in joints},
-            lambda q: np.array(RollPitchYaw(q[:3]).ToQuaternion().wxyz()),
-        )
-        self.change(self.places.start)
+        joints = [plant.get_joint(k) for k in plant.GetJointIndices()]
+        firsts = [joint.position_start() for joint in joints], [joint.velocity_start() for joint in joints]
+        super().__init__(task, step, [joint.name() for joint in joints], *firsts)
 
-    def change(self, change: Any, *when: float) -> None:
-        q, v = self.plant.GetPositions(self.context).copy(), self.plant.GetVelocities(self.context).copy()
-        change(q, v, *when)
+    def state(self):
+        return self.plant.GetPositions(self.context).copy(), self.plant.GetVelocities(self.context).copy()
+
+    def write(self, q, v):
         self.plant.SetPositions(self.context, q)
         self.plant.SetVelocities(self.context, v)
 
-    def march(self, before: Any, forces: Any = lambda: None) -> Run:
-        def advance(t: float) -> None:
-            before(t)
-            self.simulator.AdvanceTo(t + self.step)
-
-        def read() -> tuple[NDArray, NDArray | None]:
-            return self.places.read(self.plant.GetPositions(self.context)), forces()
-
+    def advance(self, t):
         try:
-            return march(self.task, self.step, advance, read)
+            self.simulator.AdvanceTo(t + self.step)
         except RuntimeError as error:
             raise CannotError(f"solver: {str(error)[:40]}") from None
 
-
-def overwritten(task: Task, step: float) -> Run:
-    it = _Plant(task, step, None)
-    return it.march(lambda t: it.change(it.places.move, t))
+    def attitude(self, q):
+        return np.array(RollPitchYaw(q[:3]).ToQuaternion().wxyz())
 
 
-def controlled(task: Task, step: float, stiffness: float, damping: float) -> Run:
-    it = _Plant(task, step, (stiffness / step**2, damping / step))
+def controlled(task, step, stiffness, damping):
+    it = _Model(task, step, PdControllerGains(p=stiffness / step**2, d=damping / step))
     model = it.plant.GetJointByName(next(iter(task.motions))).model_instance()
     port, output = it.plant.get_desired_state_input_port(model), it.plant.get_net_actuation_output_port()
 
-    def aim(t: float) -> None:
+    def aim(t):
         port.FixValue(it.context, task.sigma(t)[:2].ravel())
 
     aim(0.0)
@@ -93,13 +71,8 @@ def controlled(task: Task, step: float, stiffness: float, damping: float) -> Run
 
 
 PAGE = "https://drake.mit.edu/doxygen_cxx/classdrake_1_1multibody_1_1_multibody_plant.html"
+GAINS = {"stiffness": (1.0, 1e3), "damping": (1e3,)}
 WAYS = (
-    Way("drake", "positions set", PAGE, overwritten),
-    Way(
-        "drake",
-        "implicit PD",
-        f"{PAGE}#pd_controllers",
-        controlled,
-        [{"stiffness": s, "damping": 1e3} for s in (1.0, 1e3)],
-    ),
+    Way("drake", "positions set", PAGE, overwritten(_Model)),
+    Way("drake", "implicit PD", f"{PAGE}#pd_controllers", controlled, GAINS),
 )

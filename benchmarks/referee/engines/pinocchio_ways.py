@@ -1,93 +1,84 @@
 """Pinocchio: rates overwritten in its semi-implicit step, and hybrid dynamics."""
 
-from __future__ import annotations
-
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from liaisons import PinocchioOperator
-from referee.task import Task
-from referee.way import CannotError, Places, Run, Way, march
+from referee.way import CannotError, Model, Way, overwritten
 
 
-class _Model:
+class _Model(Model):
     """A task in Pinocchio at its start."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task, step):
         if task.constraint:
             raise CannotError(f"MJCF: no {task.constraint}")
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "task.xml"
-            path.write_text(task.mjcf(), encoding="utf-8")
-            self.model = pin.buildModelFromMJCF(str(path))
+        self.model = pin.buildModelFromMJCF(str(task.path("xml")))
+        self.data = self.model.createData()
         self.q, self.v = pin.neutral(self.model), np.zeros(self.model.nv)
-        joints = dict(zip(self.model.names, self.model.joints, strict=True))
-        addresses = ({n: j.idx_q for n, j in joints.items()}, {n: j.idx_v for n, j in joints.items()})
-        self.places = Places(task, *addresses, lambda q: q[[3, 0, 1, 2]])
-        self.places.start(self.q, self.v)
-        self.springs = [(*(where[name] for where in addresses), k) for name, k in task.springs.items()]
+        joints = self.model.joints
+        super().__init__(task, step, self.model.names, [j.idx_q for j in joints], [j.idx_v for j in joints])
 
-    def torque(self, q: NDArray) -> NDArray:
+    def state(self):
+        return self.q, self.v
+
+    def advance(self, _):
+        self.v += self.step * pin.aba(self.model, self.data, self.q, self.v, self.torque(self.q))
+        self.q = pin.integrate(self.model, self.q, self.step * self.v)
+
+    def attitude(self, q):
+        return q[[3, 0, 1, 2]]
+
+    def torque(self, q):
         """Of springs, which the model does not have."""
         found = np.zeros(self.model.nv)
-        for place, row, stiffness in self.springs:
-            found[row] = -stiffness * q[place]
+        for name, stiffness in self.task.springs.items():
+            found[self.rates[name]] = -stiffness * q[self.places[name]]
         return found
 
 
-def overwritten(task: Task, step: float) -> Run:
-    it = _Model(task)
-    data = it.model.createData()
-
-    def advance(t: float) -> None:
-        it.places.move(it.q, it.v, t)
-        it.v += step * pin.aba(it.model, data, it.q, it.v, it.torque(it.q))
-        it.q = pin.integrate(it.model, it.q, step * it.v)
-
-    return march(task, step, advance, lambda: (it.places.read(it.q), None))
-
-
-def operated(task: Task, step: float) -> Run:
+class _Operated(_Model):
     """``liaisons.PinocchioOperator`` in Runge and Kutta's rule."""
-    it = _Model(task)
-    now, side = [0.0], [1.0]
-    motions = {n: lambda t, k=k: tuple(task.sigma(t, side[0])[:, k]) for k, n in enumerate(task.motions)}
-    operator = PinocchioOperator(it.model, motions)
 
-    def advance(t: float) -> None:
-        side[0] = 1.0
-        rates: list[NDArray] = []
-        accelerations: list[NDArray] = []
-        for part in (0.0, step / 2, step / 2, step):
-            if part == step:
-                side[0] = -1.0
-            v = it.v + part * accelerations[-1] if part else it.v
-            q = pin.integrate(it.model, it.q, part * rates[-1]) if part else it.q
+    def __init__(self, task, step):
+        super().__init__(task, step)
+        self.now, self.side = 0.0, 1.0
+        motions = {n: lambda t, k=k: task.sigma(t, self.side)[:, k] for k, n in enumerate(task.motions)}
+        self.operator = PinocchioOperator(self.model, motions)
+
+    def accelerations(self, t, q, v):
+        return self.operator.accelerations(t, q, v, self.torque(q))
+
+    def advance(self, t):
+        q, v, h = self.q, self.v, self.step
+        rates = []
+        gained = []
+        for part in (0.0, h / 2, h / 2, h):
+            if part:
+                q, v = pin.integrate(self.model, self.q, part * rates[-1]), self.v + part * gained[-1]
+            self.side = -1.0 if part == h else 1.0
             rates.append(v)
-            accelerations.append(operator.accelerations(t + part, q, v, it.torque(q))[0])
-        weights = step / 6 * np.array([1.0, 2.0, 2.0, 1.0])
-        it.q = pin.integrate(it.model, it.q, weights @ np.array(rates))
-        now[0] = t + step
-        it.q, it.v = operator.place(now[0], it.q, it.v + weights @ np.array(accelerations))
+            gained.append(self.accelerations(t + part, q, v)[0])
+        weights = h / 6 * np.array([1.0, 2.0, 2.0, 1.0])
+        self.now, q = t + h, pin.integrate(self.model, self.q, weights @ np.array(rates))
+        self.q, self.v = self.operator.place(self.now, q, self.v + weights @ np.array(gained))
 
-    def read() -> tuple[NDArray, NDArray]:
-        forces = operator.accelerations(now[0], it.q, it.v, it.torque(it.q))[1]
-        return it.places.read(it.q), np.array([*forces.values()])
+    def forces(self):
+        return np.array([*self.accelerations(self.now, self.q, self.v)[1].values()])
 
-    def jump(t: float) -> NDArray:
-        side[0] = 1.0
-        it.v, impulses = operator.jump(t, it.q, it.v)
+    def jump(self, t):
+        self.side = 1.0
+        self.v, impulses = self.operator.jump(t, self.q, self.v)
         return np.array([*impulses.values()])
 
-    return march(task, step, advance, read, jump)
+
+def operated(task, step):
+    it = _Operated(task, step)
+    return it.march(lambda _: None, it.forces, it.jump)
 
 
 PAGE = "https://github.com/stack-of-tasks/pinocchio/blob/devel/examples/simulation-pendulum.py"
 WAYS = (
-    Way("pin", "rate overwritten", PAGE, overwritten),
+    Way("pin", "rate overwritten", PAGE, overwritten(_Model)),
     Way("pin", "PinocchioOperator", "docs/reference/api.md", operated),
 )

@@ -1,51 +1,47 @@
 """FMUs as people write them, by pythonfmu3: positions in and differences inside, or rates as inputs, too."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
-import fmpy
 import numpy as np
 import pythonfmu3
-from fmpy.simulation import instantiate_fmu
-from numpy.typing import NDArray
 
-from referee.task import Task
+from referee.engines.ours_ways import instance
 from referee.tasks import TASKS
-from referee.way import CannotError, Run, Way, march
+from referee.way import CannotError, Way, march
 
 
 @cache
-def _built() -> tuple[Any, str]:
-    path = pythonfmu3.FmuBuilder.build_FMU(Path(__file__).with_name("slave_fmu.py"), dest=tempfile.mkdtemp())
-    return fmpy.read_model_description(path, validate=False), str(fmpy.extract(path))
+def _built():
+    return pythonfmu3.FmuBuilder.build_FMU(Path(__file__).with_name("slave_fmu.py"), dest=tempfile.mkdtemp())
 
 
-def written(task: Task, step: float, *, runge: bool) -> Run:
+def written(task, step, *, runge):
     if task.lagrange is None:
         raise CannotError("not written")
-    description, folder = _built()
-    reference = {variable.name: variable.valueReference for variable in description.modelVariables}
-    n, fmu = len(task.motions), instantiate_fmu(folder, description, fmi_type="CoSimulation")
+    fmu, _, reference = instance(_built())
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
     fmu.setFloat64([reference["which"], reference["runge"]], [float(TASKS.index(task)), float(runge)])
+    n = len(task.motions)
     inputs = [reference[f"sigma{ending}_{k}"] for ending in ("", "_dot", "_ddot") for k in range(n)]
 
-    def advance(t: float) -> None:
+    def advance(t):
         fmu.setFloat64(inputs, task.sigma(t + runge * step / 2).ravel().tolist())
         fmu.doStep(t, step)
 
-    def read() -> tuple[NDArray, NDArray | None]:
-        forces = np.array(fmu.getFloat64([reference[f"force_{k}"] for k in range(n)])) if runge else None
-        return np.array(fmu.getFloat64([reference[f"q_{k}"] for k in range(len(task.asked))])), forces
+    def outputs(name, count):
+        return np.array(fmu.getFloat64([reference[f"{name}_{k}"] for k in range(count)]))
 
     try:
-        return march(replace(task, carrier=0.0), step, advance, read)
+        return march(
+            replace(task, carrier=0.0),
+            step,
+            advance,
+            lambda: (outputs("q", len(task.asked)), outputs("force", n) if runge else None),
+        )
     finally:
         fmu.freeInstance()
 

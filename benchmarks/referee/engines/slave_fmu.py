@@ -5,42 +5,39 @@ from pythonfmu3 import Float64, Fmi3Causality, Fmi3Slave, Fmi3StepResult
 
 from referee.tasks import TASKS
 
+OUTPUTS = ("q_0", "q_1", "force_0", "force_1")
+INPUTS = tuple(f"sigma{ending}_{k}" for ending in ("", "_dot", "_ddot") for k in range(2))
+
 
 class SlaveFmu(Fmi3Slave):
     """Rates by differences and one Euler step, or rates as inputs and a step by Runge and Kutta's rule (``runge``)."""
 
-    def __init__(self, **kwargs: object) -> None:
+    def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.time, self.which, self.runge = 0.0, 0.0, 0.0
-        self.states = np.zeros(0)
-        self.before = np.zeros((2, 2))
+        self.time, self.states, self.before = 0.0, np.zeros(0), np.zeros((2, 2))
         self.register_variable(Float64("time", causality=Fmi3Causality.independent))
-        self.inputs = [f"sigma{ending}_{k}" for ending in ("", "_dot", "_ddot") for k in range(2)]
-        self.outputs = ["q_0", "q_1", "force_0", "force_1"]
-        for name in (*self.inputs, *self.outputs):
+        for name in (*INPUTS, *OUTPUTS, "which", "runge"):
             setattr(self, name, 0.0)
-            causality = Fmi3Causality.input if name in self.inputs else Fmi3Causality.output
+            causality = Fmi3Causality.output if name in OUTPUTS else Fmi3Causality.input
             self.register_variable(Float64(name, causality=causality))
-        for name in ("which", "runge"):
-            self.register_variable(Float64(name, causality=Fmi3Causality.input))
 
-    def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
-        task = TASKS[int(self.which)]
+    def do_step(self, current_time, step_size):
+        task, h = TASKS[int(self.which)], step_size
         n, accelerations, forces = len(task.motions), *task.lagrange.functions
-        given = np.array([getattr(self, name) for name in self.inputs]).reshape(3, 2)
+        given = np.array([getattr(self, name) for name in INPUTS]).reshape(3, 2)
         if not self.runge:
-            given[1] = (given[0] - self.before[0]) / step_size
-            given[2] = (given[1] - self.before[1]) / step_size
+            given[1] = (given[0] - self.before[0]) / h
+            given[2] = (given[1] - self.before[1]) / h
         if current_time == 0.0:
-            self.states = np.array([list(values) for values in task.start.values()]).T.ravel()
+            self.states = np.array([*task.start.values()]).T.ravel()
             given[1:] *= self.runge
         self.before = given[:2]
         known = given[:, :n].ravel()
 
-        def rates(y: np.ndarray) -> np.ndarray:
+        def rates(y):
             return np.array([*y[len(y) // 2 :], *accelerations(*known, *y)])
 
-        y, h = self.states, step_size
+        y = self.states
         k_1 = rates(y)
         if self.runge:
             k_2 = rates(y + h / 2 * k_1)
@@ -48,6 +45,6 @@ class SlaveFmu(Fmi3Slave):
             k_1 = (k_1 + 2 * k_2 + 2 * k_3 + rates(y + h * k_3)) / 6
         self.states = y + h * k_1
         found = forces(*known, *self.states, *accelerations(*known, *self.states))
-        for name, value in zip(self.outputs, [*self.states[:2], *found[:n]], strict=False):
+        for name, value in zip(OUTPUTS, [*self.states[:2], *found[:n]], strict=False):
             setattr(self, name, float(value))
         return Fmi3StepResult()

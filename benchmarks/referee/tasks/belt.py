@@ -1,10 +1,11 @@
 """A mass on a spring, on a belt that moves to and fro: it sticks and slips."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
-from referee.equations import first_root
+from referee.equations import pieces
 from referee.task import GRAVITY, Answer, Task, sinusoid
 
 STIFFNESS, GRIP, STOP = 10.0, 0.1 * GRAVITY, 6.4  # [N/m], [N], [s]; mass 1 kg
@@ -25,48 +26,50 @@ def at(t, piece):
     return x + moved, rate, acceleration + STIFFNESS * (x + moved), work + gained
 
 
-def pieces():
+def leaves(t, piece):
+    """Where the slip ends, or the force that keeps the mass on the belt exceeds the grip."""
+    _, rate, force, _ = at(t, piece)
+    return rate - BELT(t)[1] if piece[1] else abs(force) - GRIP
+
+
+def following(t, piece):
+    x, v, _, work = at(t, piece)
+    needed = BELT(t)[2] + STIFFNESS * x
+    sticks = piece[1] and abs(needed) <= GRIP
+    return t, 0.0 if sticks else float(np.sign(needed)), x, v, BELT(t)[0], work
+
+
+@cache
+def found():
     """Begin, side, place, rate, belt and work then."""
-    found = [(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)]
-    while True:
-        last = found[-1]
-        leaves = (lambda t: at(t, last)[1] - BELT(t)[1]) if last[1] else (lambda t: abs(at(t, last)[2]) - GRIP)  # noqa: B023
-        t = first_root(leaves, last[0], STOP)
-        if t == STOP:
-            return found
-        x, v, _, work = at(t, last)
-        needed = BELT(t)[2] + STIFFNESS * x
-        sticks = last[1] and abs(needed) <= GRIP
-        found.append((t, 0.0 if sticks else float(np.sign(needed)), x, v, BELT(t)[0], work))
+    return pieces((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), leaves, following, STOP)
 
 
 def answer(times):
-    found = pieces()
-    values = np.array([at(t, [piece for piece in found if piece[0] <= t][-1]) for t in times])
+    values = np.array([at(t, [piece for piece in found() if piece[0] <= t][-1]) for t in times])
     return Answer(values[:, :1], values[:, 2], values[:, 3])
 
 
 def checks():
     """Energy: work less what friction takes, by quadrature; the number of pieces says that it sticks and slips."""
-    found = pieces()
-    x, v, _, work = at(STOP, found[-1])
+    x, v, _, work = at(STOP, found()[-1])
     nodes, weights = np.polynomial.legendre.leggauss(40)
     lost = 0.0
-    for piece, end in pairwise([*found, (STOP,)]):
+    for piece, end in pairwise([*found(), (STOP,)]):
         half = (end[0] - piece[0]) / 2
         slips = [BELT(t)[1] - at(t, piece)[1] for t in piece[0] + half * (1 + nodes)]
         lost += piece[1] * GRIP * half * float(weights @ slips)
-    return {"energy account": abs(work - lost - (v**2 + STIFFNESS * x**2) / 2) / abs(work), "pieces": len(found)}
+    return {"energy account": abs(work - lost - (v**2 + STIFFNESS * x**2) / 2) / abs(work), "pieces": len(found())}
 
 
 TASK = Task(
     "belt",
     STOP,
+    {"belt": BELT},
+    ["x"],
+    "DryOscillator",
+    answer,
+    checks,
     constraint="friction loss",
-    motions={"belt": BELT},
-    asked=["x"],
-    answer=answer,
-    checks=checks,
-    component="DryOscillator",
     parameters={"x_0": 0.0, "mu_static": 0.1, "mu_sliding": 0.1},
 )

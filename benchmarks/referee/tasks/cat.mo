@@ -65,22 +65,3 @@ equation
   psi_2_dot = der(psi_2);
   psi_2_ddot = der(psi_2_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(psi_1(start = -0.30000000000000004, fixed = true), psi_1_dot(start = 0.0, fixed = true),
-    psi_2(start = 0.0, fixed = true), psi_2_dot(start = 3.6, fixed = true));
-  parameter Real k = 1e4;
-  Real psi_1_aim, psi_1_aim_dot;
-  Real psi_2_aim, psi_2_aim_dot;
-equation
-  der(psi_1) = psi_1_dot;
-  der(psi_1_dot) = psi_1_ddot;
-  psi_1_aim = 0.5 - 0.8*cos(4*time);
-  psi_1_aim_dot = der(psi_1_aim);
-  force = k*(psi_1_aim - psi_1) + 2*sqrt(k)*(psi_1_aim_dot - psi_1_dot);
-  der(psi_2) = psi_2_dot;
-  der(psi_2_dot) = psi_2_ddot;
-  psi_2_aim = 0.9*sin(4*time);
-  psi_2_aim_dot = der(psi_2_aim);
-  force_2 = k*(psi_2_aim - psi_2) + 2*sqrt(k)*(psi_2_aim_dot - psi_2_dot);
-end Driven;

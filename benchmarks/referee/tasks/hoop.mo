@@ -18,15 +18,3 @@ equation
   beta_dot = der(beta);
   beta_ddot = der(beta_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(beta(start = 0.0, fixed = true), beta_dot(start = 2.0, fixed = true));
-  parameter Real k = 1e4;
-  Real beta_aim, beta_aim_dot;
-equation
-  der(beta) = beta_dot;
-  der(beta_dot) = beta_ddot;
-  beta_aim = 2*time + time^2/4;
-  beta_aim_dot = der(beta_aim);
-  force = k*(beta_aim - beta) + 2*sqrt(k)*(beta_aim_dot - beta_dot);
-end Driven;

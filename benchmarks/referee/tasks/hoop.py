@@ -11,5 +11,5 @@ spin = turn + xi.diff(TIME)
 TASK = Lagrange(
     ((OFFSET**2 + INERTIA) * turn**2 + spin**2 + 2 * OFFSET * turn * spin * cos(xi)) / 2,
     {xi: (1.0, 1.0)},
-    {beta: lambda t: (2 * t + t * t / 4, 2 + t / 2, 0.5)},
+    {beta: lambda t, *_: (2 * t + t * t / 4, 2 + t / 2, 0.5)},
 ).task("hoop", 4.0, component="CircularHoop", parameters={"hoop_inertia": INERTIA})

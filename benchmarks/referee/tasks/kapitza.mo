@@ -17,15 +17,3 @@ equation
   pivot_z_dot = der(pivot_z);
   pivot_z_ddot = der(pivot_z_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(pivot_z(start = 0.0, fixed = true), pivot_z_dot(start = 5.0, fixed = true));
-  parameter Real k = 1e4;
-  Real pivot_z_aim, pivot_z_aim_dot;
-equation
-  der(pivot_z) = pivot_z_dot;
-  der(pivot_z_dot) = pivot_z_ddot;
-  pivot_z_aim = 0.1*sin(50*time);
-  pivot_z_aim_dot = der(pivot_z_aim);
-  force + pivot_z_ddot + 9.81 = k*(pivot_z_aim - pivot_z) + 2*sqrt(k)*(pivot_z_aim_dot - pivot_z_dot); // cart of 1 kg
-end Driven;

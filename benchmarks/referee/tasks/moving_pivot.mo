@@ -17,15 +17,3 @@ equation
   pivot_x_dot = der(pivot_x);
   pivot_x_ddot = der(pivot_x_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(pivot_x(start = 0.0, fixed = true), pivot_x_dot(start = 0.3, fixed = true));
-  parameter Real k = 1e4;
-  Real pivot_x_aim, pivot_x_aim_dot;
-equation
-  der(pivot_x) = pivot_x_dot;
-  der(pivot_x_dot) = pivot_x_ddot;
-  pivot_x_aim = 0.1*sin(3*time);
-  pivot_x_aim_dot = der(pivot_x_aim);
-  force + pivot_x_ddot = k*(pivot_x_aim - pivot_x) + 2*sqrt(k)*(pivot_x_aim_dot - pivot_x_dot); // cart of 1 kg
-end Driven;

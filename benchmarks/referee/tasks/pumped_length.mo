@@ -17,15 +17,3 @@ equation
   length_dot = der(length);
   length_ddot = der(length_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(length(start = 1.0, fixed = true), length_dot(start = 0.93963, fixed = true));
-  parameter Real k = 1e4;
-  Real length_aim, length_aim_dot;
-equation
-  der(length) = length_dot;
-  der(length_dot) = length_ddot;
-  length_aim = 1 + 0.15*sin(6.2642*time);
-  length_aim_dot = der(length_aim);
-  force = k*(length_aim - length) + 2*sqrt(k)*(length_aim_dot - length_dot);
-end Driven;

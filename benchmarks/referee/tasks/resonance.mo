@@ -15,15 +15,3 @@ equation
   support_dot = der(support);
   support_ddot = der(support_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(support(start = 0, fixed = true), support_dot(start = 0.5, fixed = true));
-  parameter Real k = 1e4;
-  Real support_aim, support_aim_dot;
-equation
-  der(support) = support_dot;
-  der(support_dot) = support_ddot;
-  support_aim = 0.1*sin(5*time);
-  support_aim_dot = der(support_aim);
-  force + support_ddot = k*(support_aim - support) + 2*sqrt(k)*(support_aim_dot - support_dot); // wall of 1 kg
-end Driven;

@@ -35,30 +35,3 @@ equation
   wheel_3_dot = der(wheel_3);
   wheel_3_ddot = der(wheel_3_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(
-    wheel_1(start = 0.0, fixed = true), wheel_1_dot(start = 28.0, fixed = true),
-    wheel_2(start = 0.050100267918910646, fixed = true), wheel_2_dot(start = 1.556218367, fixed = true),
-    wheel_3(start = 16.682550269259515, fixed = true), wheel_3_dot(start = 13.81591491, fixed = true));
-  parameter Real k = 1e4;
-  Real wheel_1_aim, wheel_1_aim_dot;
-  Real wheel_2_aim, wheel_2_aim_dot;
-  Real wheel_3_aim, wheel_3_aim_dot;
-equation
-  der(wheel_1) = wheel_1_dot;
-  der(wheel_1_dot) = wheel_1_ddot;
-  wheel_1_aim = 40*sin(0.7*time);
-  wheel_1_aim_dot = der(wheel_1_aim);
-  force = k*(wheel_1_aim - wheel_1) + 2*sqrt(k)*(wheel_1_aim_dot - wheel_1_dot);
-  der(wheel_2) = wheel_2_dot;
-  der(wheel_2_dot) = wheel_2_ddot;
-  wheel_2_aim = 20 + 20*sin(1.1*time - 1.5);
-  wheel_2_aim_dot = der(wheel_2_aim);
-  force_2 = k*(wheel_2_aim - wheel_2) + 2*sqrt(k)*(wheel_2_aim_dot - wheel_2_dot);
-  der(wheel_3) = wheel_3_dot;
-  der(wheel_3_dot) = wheel_3_ddot;
-  wheel_3_aim = 5 + 30*sin(0.5*time + 0.4);
-  wheel_3_aim_dot = der(wheel_3_aim);
-  force_3 = k*(wheel_3_aim - wheel_3) + 2*sqrt(k)*(wheel_3_aim_dot - wheel_3_dot);
-end Driven;

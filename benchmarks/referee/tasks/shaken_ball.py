@@ -1,28 +1,34 @@
 """A ball on a shaken table: it bounces; force is the sum of the table's impulses."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
-from referee.equations import first_root
+from referee.equations import pieces
 from referee.task import GRAVITY, Answer, Task, sinusoid
 
 TABLE = sinusoid(0.0, 0.05, 6.0)
 BOUNCE, HEIGHT, STOP = 0.8, 0.5, 2.4
 
 
+def above(t, flight):
+    begin, h, v, *_ = flight
+    return h + v * (t - begin) - GRAVITY * (t - begin) ** 2 / 2 - TABLE(t)[0]
+
+
+def thrown(t, flight):
+    begin, _, v, impulse, work = flight
+    table, rate, _ = TABLE(t)
+    down = v - GRAVITY * (t - begin)
+    push = (1 + BOUNCE) * (rate - down)
+    return t, table, down + push, impulse + push, work + push * rate
+
+
+@cache
 def flights():
     """Begin, height and velocity then, impulse and work till then."""
-    found = [(0.0, HEIGHT, 0.0, 0.0, 0.0)]
-    while True:
-        t, h, v, impulse, work = found[-1]
-        hit = first_root(lambda s: h + v * (s - t) - GRAVITY * (s - t) ** 2 / 2 - TABLE(s)[0], t, STOP)  # noqa: B023
-        if hit == STOP:
-            return found
-        table, rate, _ = TABLE(hit)
-        down = v - GRAVITY * (hit - t)
-        push = (1 + BOUNCE) * (rate - down)
-        found.append((hit, table, down + push, impulse + push, work + push * rate))
+    return pieces((0.0, HEIGHT, 0.0, 0.0, 0.0), above, thrown, STOP)
 
 
 def answer(times):
@@ -32,9 +38,8 @@ def answer(times):
 
 def checks():
     """Momentum and energy from the start to the last flight, with what the impacts take."""
-    found = flights()
-    begin, h, v, impulse, work = found[-1]
-    strikes = [up - GRAVITY * (hit - t) - TABLE(hit)[1] for (t, _, up, *_), (hit, *_) in pairwise(found)]
+    begin, h, v, impulse, work = flights()[-1]
+    strikes = [up - GRAVITY * (hit - t) - TABLE(hit)[1] for (t, _, up, *_), (hit, *_) in pairwise(flights())]
     lost = (1 - BOUNCE**2) / 2 * sum(strike**2 for strike in strikes)
     account = v**2 / 2 + GRAVITY * (h - HEIGHT) - work + lost
     momentum = v - impulse + GRAVITY * begin
@@ -44,13 +49,13 @@ def checks():
 TASK = Task(
     "shaken ball",
     STOP,
+    {"table": TABLE},
+    ["height"],
+    "BouncingBall",
+    answer,
+    checks,
     constraint="contact",
-    motions={"table": TABLE},
-    asked=["height"],
     start={"height": (HEIGHT, 0.0)},
-    answer=answer,
-    checks=checks,
-    component="BouncingBall",
     parameters={"bounce": BOUNCE},
     force="table_impulse",
 )

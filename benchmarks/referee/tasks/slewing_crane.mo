@@ -152,22 +152,3 @@ equation
   travel_dot = der(travel);
   travel_ddot = der(travel_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(slew(start = 0.0, fixed = true), slew_dot(start = 0.0, fixed = true), travel(start = 8.0,
-    fixed = true), travel_dot(start = 0.9, fixed = true));
-  parameter Real k = 1e4;
-  Real slew_aim, slew_aim_dot;
-  Real travel_aim, travel_aim_dot;
-equation
-  der(slew) = slew_dot;
-  der(slew_dot) = slew_ddot;
-  slew_aim = 0.3 - 0.3*cos(0.8*time);
-  slew_aim_dot = der(slew_aim);
-  force = k*(slew_aim - slew) + 2*sqrt(k)*(slew_aim_dot - slew_dot);
-  der(travel) = travel_dot;
-  der(travel_dot) = travel_ddot;
-  travel_aim = 8 + 1.5*sin(0.6*time);
-  travel_aim_dot = der(travel_aim);
-  force_2 = k*(travel_aim - travel) + 2*sqrt(k)*(travel_aim_dot - travel_dot);
-end Driven;

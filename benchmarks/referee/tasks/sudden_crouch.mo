@@ -20,18 +20,3 @@ equation
   length_dot = der(length);
   length_ddot = der(length_dot);
 end Prescribed;
-
-model Driven
-  extends Mechanism(length(start = 1.0, fixed = true), length_dot(start = 0.0, fixed = true));
-  parameter Real k = 1e4;
-  Real length_aim, length_aim_dot;
-equation
-  der(length) = length_dot;
-  der(length_dot) = length_ddot;
-  length_aim = 1 - (if time < 0.4 then 0 else 2*(time - 0.4)) + (if time < 0.5 then 0 else 2*(time - 0.5)) + (if
-    time < 1.0 then 0 else 2*(time - 1.0)) - (if time < 1.1 then 0 else 2*(time - 1.1)) - (if time < 1.6 then
-    0 else 2*(time - 1.6)) + (if time < 1.7 then 0 else 2*(time - 1.7)) + (if time < 2.2 then 0 else 2*(time -
-    2.2)) - (if time < 2.3 then 0 else 2*(time - 2.3));
-  length_aim_dot = der(length_aim);
-  force = k*(length_aim - length) + 2*sqrt(k)*(length_aim_dot - length_dot);
-end Driven;

@@ -1,72 +1,63 @@
 """Ours, as FMUs: through ``simulate``, and through FMPy, as any importer does it."""
 
-from __future__ import annotations
-
 import time
 from functools import cache
-from typing import Any
 
 import fmpy
 import numpy as np
 from fmpy.simulation import apply_start_values, instantiate_fmu
 
 from liaisons import Signal, fmu_path, simulate
-from referee.task import INSTANTS, Answer, Task
+from referee.task import INSTANTS, Answer
 from referee.way import Run, Way
 
 TOLERANCE = 1e-12
 
 
-def _said(task: Task) -> tuple[dict[str, float], list[str]]:
+def _said(task):
     """Start values and outputs."""
     starts = {} if task.signals else {f"{name}_0": place for name, (place, _) in task.start.items()}
     if not task.signals:
         starts |= {f"{name}_dot_0": rate for name, (_, rate) in task.start.items() if rate}
-    return {**starts, **task.parameters}, [
-        *(task.signals or task.asked),
-        task.force or f"{next(iter(task.motions))}_force",
-        "work",
-    ]
+    force = task.force or f"{next(iter(task.motions))}_force"
+    return {**starts, **task.parameters}, [*(task.signals or task.asked), force, "work"]
 
 
-def _run(rows: Any, begin: float) -> Run:
+def _run(rows, begin):
     seconds, values = time.process_time() - begin, np.array(rows)
     return Run(Answer(values[:, :-2], values[:, -2], values[:, -1]), seconds)
 
 
-def by_simulate(task: Task, step: float) -> Run:
+def by_simulate(task, step):
     starts, outputs = _said(task)
     inputs = {name: Signal(motion, breaks=task.jumps) for name, motion in task.motions.items()}
+    options = {"stop_time": task.stop, "step_size": step, "tolerance": TOLERANCE}
     begin = time.process_time()
-    result = simulate(
-        task.component,
-        stop_time=task.stop,
-        step_size=step,
-        tolerance=TOLERANCE,
-        inputs=inputs,
-        record=outputs,
-        **starts,
-    )
+    result = simulate(task.component, inputs=inputs, record=outputs, **options, **starts)
     # At a jump the later row is that after it.
     rows = np.searchsorted(result.time, task.times - 1e-9)
     return _run(np.array([result[name][rows] for name in outputs]).T, begin)
 
 
 @cache
-def _unpacked(component: str) -> tuple[Any, str]:
-    path = fmu_path(component)
+def _unpacked(path):
     return fmpy.read_model_description(path, validate=False), str(fmpy.extract(path))
 
 
-def by_fmpy(task: Task, step: float) -> Run:
-    description, folder = _unpacked(task.component)
-    reference = {variable.name: variable.valueReference for variable in description.modelVariables}
+def instance(path):
+    """Of an FMU, with its description and its value references by name."""
+    description, folder = _unpacked(path)
+    references = {variable.name: variable.valueReference for variable in description.modelVariables}
+    return instantiate_fmu(folder, description, fmi_type="CoSimulation"), description, references
+
+
+def by_fmpy(task, step):
+    fmu, description, reference = instance(fmu_path(task.component))
     starts, outputs = _said(task)
     inputs = [reference[port + ending] for ending in ("", "_dot", "_ddot") for port in task.motions]
     asked = [reference[name] for name in outputs]
-    fmu: Any = instantiate_fmu(folder, description, fmi_type="CoSimulation")
 
-    def move(t: float, side: float) -> None:
+    def move(t, side):
         fmu.setReal(inputs, task.sigma(t, side).ravel().tolist())
 
     begin = time.process_time()
