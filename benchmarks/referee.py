@@ -34,18 +34,14 @@ def measure(quick: bool, plots: Path) -> list[Row]:
     ways: dict[str, dict[str, Cell]] = {}
     for engine in ENGINES:
         ways |= _measured(engine, folder, *["--quick"] * quick)
-    tasks = [*ways["liaisons: FMPy"]]
-    (plots / "referee_errors.md").write_text(_table(ways, tasks, "motion") + "\n" + _table(ways, tasks, "force"))
-    if not quick:
-        public = _measured("public", folder)
-        names = [*next(iter(public.values()))]
-        (plots / "referee_public.md").write_text(
-            _table(public, names, "motion") + "\n" + _table(public, names, "force")
-        )
+    public = {} if quick else _measured("public", folder)
+    for kind in ASKED:
+        (plots / f"referee_{kind}.md").write_text(_table(ways, kind), encoding="utf-8")
+        (plots / f"referee_public_{kind}.md").write_text(_table(public, kind), encoding="utf-8")
     rows = []
     for task, kept in json.loads((folder / "references.json").read_text(encoding="utf-8")).items():
         rows += [Row("References, relative", f"{task}: {name}", value, "") for name, value in kept["checks"].items()]
-    for task in tasks:
+    for task in _tasks(ways):
         cells = [column[task] for column in ways.values() if task in column]
         _plot(task, cells, plots)
         rows += [row for cell in cells for row in _rows(cell)]
@@ -81,20 +77,29 @@ def _rows(cell: Cell) -> Iterable[Row]:
         remark = ""
 
 
-def _table(ways: Mapping[str, Mapping[str, Cell]], tasks: list[str], kind: str) -> str:
+def _tasks(ways: Mapping[str, Mapping[str, Cell]]) -> list[str]:
+    return [*dict.fromkeys(task for column in ways.values() for task in column)]
+
+
+def _table(ways: Mapping[str, Mapping[str, Cell]], kind: str) -> str:
     """Errors by way and task at the smallest step; time as a ratio, the median of tasks."""
+    tasks = _tasks(ways)
     lines = [[f"error of {kind}", *tasks, "time"], ["---"] * (len(tasks) + 2)]
     for way, column in ways.items():
-        ratios = [np.median(cell["points"][-1]["ratios"]) for cell in column.values() if cell["points"]]
+        timed = [cell["points"][-1]["ratios"] for cell in column.values() if cell["points"]]
+        ratios = [np.median(found) for found in timed if found]
         found = [_said(column[task], kind) if task in column else "not installed" for task in tasks]
         lines.append([way, *found, _time(ratios)])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _time(ratios: list[Any]) -> str:
-    """Median and quartiles."""
-    low, high = quartiles(ratios) or (math.nan, math.nan)
-    return f"{number(np.median(ratios or [math.nan]))} ({number(low)} .. {number(high)})"
+    """Median and quartiles, of two digits."""
+    if not ratios:
+        return "not timed"
+    low, high = quartiles(ratios) or ratios * 2
+    median, low, high = (number(float(f"{value:.2g}")) for value in (np.median(ratios), low, high))
+    return f"{median} ({low} .. {high})"
 
 
 def _said(cell: Cell, kind: str) -> str:

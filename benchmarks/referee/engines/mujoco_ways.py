@@ -68,7 +68,7 @@ def mocap(task, step, time_constant):
     joint = rest.joint(next(iter(task.motions)))
     body = rest.body(joint.bodyid[0])
     if body.parentid[0] or len(task.motions) > 1:
-        raise CannotError("moves a body in space, no joint between bodies")
+        raise CannotError("no joint between bodies")
     weld = f'<weld body1="hand" body2="{body.name}" solref="{time_constant * step} 1"/>'
     hand = f'<body name="hand" mocap="true" pos="{" ".join(map(str, body.pos))}"/>'
     it = _Model(task, step, more=f"<equality>{weld}</equality><worldbody>{hand}</worldbody>")

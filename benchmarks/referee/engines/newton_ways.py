@@ -14,7 +14,7 @@ class _Model(Model):
 
     def __init__(self, task, step, stiffness=0.0):
         if task.constraint == "equality":
-            raise CannotError("its MJCF importer leaves out the second site of connect")
+            raise CannotError("importer leaves out a site")
         inertia = mujoco.MjModel.from_xml_string(task.mjcf())
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
@@ -29,7 +29,7 @@ class _Model(Model):
                 builder.joint_target_ke[row] = own * stiffness / step**2
                 builder.joint_target_kd[row] = own * 2 * stiffness**0.5 / step
             elif builder.joint_parent[joint] != -1:
-                raise CannotError("kinematic bodies are roots")
+                raise CannotError("no joint between bodies")
             else:
                 builder.body_flags[builder.joint_child[joint]] = int(newton.BodyFlags.KINEMATIC)
         self.model = builder.finalize(device="cpu")
