@@ -14,7 +14,7 @@ class _Model(Model):
         if task.constraint:
             raise CannotError(f"MJCF: no {task.constraint}")
         self.model = pin.buildModelFromMJCF(str(task.path("xml")))
-        self.data = self.model.createData()
+        self.data, self.springs = self.model.createData(), task.springs
         self.q, self.v = pin.neutral(self.model), np.zeros(self.model.nv)
         joints = self.model.joints
         super().__init__(task, step, self.model.names, [j.idx_q for j in joints], [j.idx_v for j in joints])
@@ -32,7 +32,7 @@ class _Model(Model):
     def torque(self, q):
         """Of springs, which the model does not have."""
         found = np.zeros(self.model.nv)
-        for name, stiffness in self.task.springs.items():
+        for name, stiffness in self.springs.items():
             found[self.rates[name]] = -stiffness * q[self.places[name]]
         return found
 
