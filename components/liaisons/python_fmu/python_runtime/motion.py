@@ -50,6 +50,7 @@ class Motion:
         parts = dict(zip(component.numbers, np.split(self.all, ends), strict=False))
         self.n, first = SimpleNamespace(**parts), ends[[*parts].index("k")] - parts["k"].size
         self.reals = _memory_view(self.all[first : first + len(component.names) - component.first])
+        self._coordinates = [*self._prescribed_coordinates()]
         self._after, self._calls = self.all.copy(), {}
         for name, function in component.functions.items():
             unbound, evaluate = function.buffer()
@@ -71,7 +72,7 @@ class Motion:
         self.apply_function("start")
         n, component = self.n, self._component
         n.looked[:] = 0
-        for c in self._coordinates():
+        for c in self._coordinates:
             c.row[GIVEN] = n.given[c.numbers[1:]]
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
@@ -130,10 +131,11 @@ class Motion:
         n = self.n
         if n.mode[0] < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
             n.u[:], n.jumped[0] = n.given, 1
-        for c in self._coordinates() if n.mode[0] == 1 else ():
-            n.u[c.numbers] = derived_numbers(c.row, n.m[c.derived], n.t[0], n.u[c.numbers])[0]
+        for c in self._coordinates if n.mode[0] == 1 else ():
+            if level := n.m[c.derived]:
+                n.u[c.numbers] = derived_numbers(c.row, level, n.t[0], n.u[c.numbers])[0]
 
-    def _coordinates(self) -> Iterator[SimpleNamespace]:
+    def _prescribed_coordinates(self) -> Iterator[SimpleNamespace]:
         """Numbers, indices and texts of each prescribed coordinate of which mismatch and missing rates are shown."""
         component, rows = self._component, self.n.looked.reshape(len(self._component.active) or 1, -1)
         parts = enumerate(zip(rows, component.active, component.warnings, strict=False))
@@ -147,21 +149,25 @@ class Motion:
         """Replace rates that nobody gives, of the present inputs or of those to interpolate to, in a step of size H."""
         n, ahead = self.n, self.n.mode[0] > 1
         inputs, before, t = (n.given, n.u, n.t[0] + H) if ahead else (n.u, n.past_u, n.t[0])
-        for c in self._coordinates():
-            level, given, size = float(n.m[c.derived]), n.given[c.numbers], H if ahead else n.past_H[0]
+        size = H if ahead else float(n.past_H[0])
+        for c in self._coordinates:
+            known = level = float(n.m[c.derived])
+            given = n.given[c.numbers].tolist()  # single numbers of a list are quicker
             if ahead:
                 remember(c.row, level, n.t[0], n.u[c.numbers])
             if size > 0:
-                n.m[c.derived] = missing_level(c.row, level, size, before[c.numbers[0]], given)
-            inputs[c.numbers] = derived_numbers(c.row, n.m[c.derived], t, given)[0]
+                n.m[c.derived] = level = missing_level(c.row, level, size, float(before[c.numbers[0]]), given)
+            followed = derived_numbers(c.row, level, t, given)[0]
+            if level or known:
+                inputs[c.numbers] = followed
             if not ahead:
-                remember(c.row, n.m[c.derived], t, inputs[c.numbers])
+                remember(c.row, level, t, followed)
                 c.row[GIVEN] = given[1:]
 
     def _note_warnings(self, before: NDArray[np.float64]) -> None:
         """Note the first mismatch of each coordinate, unless its rates are missing; and since when they are derived."""
         n = self.n
-        for c in self._coordinates():
+        for c in self._coordinates:
             level = int(n.m[c.derived])
             n.m[c.mismatch] *= not level
             if level > before[c.derived]:

@@ -6,6 +6,8 @@ how many points are kept; then times, values and rates of these, newest first.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,13 +16,17 @@ _STILL, _TURNS, _POINTS, _SERIES = 0, 1, 4, 5
 _SEVERAL, _STRAIGHT, _FAR, _NEAR = 3, 0.1, 5.0, 0.05
 
 
-def derived_numbers(row: NDArray, level: float, t: float, numbers: NDArray) -> tuple[NDArray, bool]:
+def derived_numbers(
+    row: NDArray, level: float, t: float, numbers: Sequence[float] | NDArray
+) -> tuple[Sequence[float] | NDArray, bool]:
     """Value, rate and acceleration at t, with what is missing; whether the value, or the rate, has jumped.
 
     :param level: 0 nothing, 1 acceleration, 2 rate and acceleration.
     """
+    if not level:
+        return numbers, False
     times, *series = row[_SERIES:].reshape(3, -1)[:, : int(row[_POINTS])]
-    if not level or not times.size:
+    if not times.size:
         return np.array([*numbers[: 3 - int(level)], *[0.0] * int(level)]), False
     x, y, near = [0.0], [numbers[int(level == 1)]], _NEAR * (t - times[-1]) / times.size
     for place, value in zip(times - t, series[int(level == 1)], strict=True):
@@ -37,19 +43,19 @@ def derived_numbers(row: NDArray, level: float, t: float, numbers: NDArray) -> t
     return np.array([*numbers[: 3 - int(level)], *rates[: int(level)]]), False
 
 
-def remember(row: NDArray, level: float, t: float, numbers: NDArray) -> None:
+def remember(row: NDArray, level: float, t: float, numbers: Sequence[float] | NDArray) -> None:
     """Remember a point, as the last one before the next."""
-    series = row[_SERIES:].reshape(3, -1)
     if derived_numbers(row, level, t, numbers)[1]:
         row[_POINTS] = 0
-    series[:, 1:] = series[:, :-1].copy()
-    series[:, 0] = t, *numbers[:2]
-    row[_POINTS] = min(row[_POINTS] + 1, series.shape[1])
+    most = (row.size - _SERIES) // 3
+    row[_SERIES + 1 :] = row[_SERIES:-1]  # what leaves a series is overwritten in the next one
+    row[_SERIES], row[_SERIES + most], row[_SERIES + 2 * most] = t, numbers[0], numbers[1]
+    row[_POINTS] = min(int(row[_POINTS]) + 1, most)
 
 
-def missing_level(row: NDArray, level: float, H: float, value: float, end: NDArray) -> float:
+def missing_level(row: NDArray, level: float, H: float, value: float, end: Sequence[float]) -> float:
     """What is missing after a step of size H from a value to numbers: 0 nothing, 1 acceleration, 2 rate, too."""
-    rate, acceleration = row[GIVEN]
+    rate, acceleration = row[GIVEN].tolist()
     row[GIVEN] = end[1:]
     if rate == acceleration == end[1] == end[2] == 0:
         row[_TURNS] = 0
