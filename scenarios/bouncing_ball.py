@@ -1,9 +1,9 @@
 """A ball bounces infinitely often in a finite time, and stays on a shaken table if and only if Aω² <= g.
 
 Dropped from the height h on a table at rest, the ball comes to rest at t = √(2h/g) (1 + e)/(1 - e), the sum of all its
-flight times.  On a table that moves as A sin ωt, it lifts off where the table accelerates downwards with g, sin ωt =
-1/Γ with Γ = Aω²/g, and follows a parabola.  ``impact_loss`` has the energy that impacts dissipate, ``work`` that which
-the table supplies.
+flight times.  On a table that moves as A sin ωt, the ball lifts off when the table's downward acceleration reaches g,
+that is at sin ωt = 1/Γ, where Γ = Aω²/g.  It then follows a parabola.  ``impact_loss`` is the energy that the impacts
+dissipate; ``work`` is the energy that the table supplies.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ SHAKEN = ("height", "gap", "energy_balance")
 @scenario
 def main(claim: Claims) -> None:
     falls, shaken = panels(("dropped", "t [s]", "height [m]"), ("on a shaken table", "t [s]", "distance [m]"))
-    exact = within(1e-10, "m", because="the solver solves parabolas to rounding, events are those of its dense output")
-    account = within(1e-10, "J", because="rounding of the energies, 10 J")
+    why = "parabolas are integrated exactly up to rounding; the instants of events are found on the dense output"
+    exact = within(1e-10, "m", because=why)
+    account = within(1e-10, "J", because="rounding errors of the energies, about 10 J")
     for bounce in (0.5, 0.8):
         run = simulate(
             "BouncingBall", stop_time=5.0, step_size=0.01, tolerance=TOLERANCE, record=DROPPED, bounce=bounce
@@ -33,7 +34,7 @@ def main(claim: Claims) -> None:
         expected = BouncingBall.exact(run.time, bounce=bounce)
         claim(f"e = {bounce}: the height, through all bounces", run["height"], expected["height"], exact)
         claim(f"e = {bounce}: the energy lost in impacts", run["impact_loss"], expected["impact_loss"], account)
-        end = within(1e-10, "s", because="the rest of the bounces is summed")
+        end = within(1e-10, "s", because="the infinitely many low bounces are summed as a series")
         rests = BouncingBall.rests_at(bounce=bounce)
         claim(f"e = {bounce}: at rest from {rests:.4f} s", run["gap_rests_from"][-1], rests, end)
         claim(f"e = {bounce}: energy balance", run["energy_balance"], 0.0, account)
@@ -62,5 +63,6 @@ def main(claim: Claims) -> None:
             parabola = amplitude * (sine + OMEGA * cosine * flies) - 9.81 / 2 * flies**2
             got = run["height"][(run.time > leaves) & (run.time < leaves + 0.05)]
             text = f"Γ = {ratio}: it leaves at sin ωt = 1/Γ, {leaves:.4f} s"
-            claim(text, got, parabola, within(1e-9, "m", because="σ between communication points: H⁶/720 of ω⁶A"))
+            why = "error of σ interpolated between communication points: (ωH)⁶ A/720"
+            claim(text, got, parabola, within(1e-9, "m", because=why))
         shaken.plot(run.time, run["gap"], label=f"Γ = {ratio}")

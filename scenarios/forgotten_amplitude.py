@@ -2,8 +2,9 @@
 
 M 8.1: a Sinusoid moves the length of a Pendulum, and no length is measured.  Its amplitude and angular frequency are
 parameters of the operator, and unknown like θ_0.  The fit must agree with least squares over the integrated equation l
-θ'' + 2 l' θ' + g sin θ = 0, including standard errors.  At twice the frequency of the swing, the amplitude appears as
-growth, so 60 mm are determined to a fraction of a millimetre by measuring only an angle.
+θ'' + 2 l' θ' + g sin θ = 0, including standard errors.  Because the length moves at about twice the frequency of the
+swing, its amplitude shows in how fast the swing grows.  So an amplitude of 60 mm is determined to a fraction of a
+millimetre by measuring only an angle.
 """
 
 from __future__ import annotations
@@ -41,12 +42,14 @@ def main(claim: Claims) -> None:
     values, sigmas = np.array([fit.values[name] for name in TRUTH]), np.sqrt(np.diag(fit.covariance))
     best = least_squares(lambda p: (pumped(p) - measured) / NOISE, truth, jac="3-point", x_scale=truth)
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
-    same = within(1e-3, because="standard errors; both stop where the sum of squares is flat to 1e-8")
-    claim("all three are those of least squares over the integrated equation", values / errors, best.x / errors, same)
-    differences = within(1e-5, because="relative; derivatives of the reference by differences")
+    why = "in standard errors; both fits stop when the sum of squares changes by less than 1e-8 of itself"
+    same = within(1e-3, because=why)
+    claim("the fit agrees with least squares over the integrated equation", values / errors, best.x / errors, same)
+    differences = within(1e-5, because="relative error; the reference takes its derivatives by finite differences")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
-    nearer = within(3.1, because="standard errors: 1 of 200 measurements of three values would be farther away")
-    claim("all three are true within their standard errors", (values - truth) / errors, 0.0, nearer)
+    why = "in standard errors; in 1 of 200 measurements one of the three values would be farther away"
+    nearer = within(3.1, because=why)
+    claim("the fitted values agree with the true ones, in standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     moved = {"offset": 1.0} | {

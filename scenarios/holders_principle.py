@@ -1,10 +1,12 @@
 """A motion makes the action stationary under variations compatible with the liaisons: Hölder and d'Alembert agree.
 
-M 3.1 to 3.3, eq. 1 to 28.  An operator lengthens a pendulum and shortens it again.  The FMU's motion, by the equations
-of d'Alembert's principle, has ⟨δI, w⟩ = 0 if w leaves the length unchanged; if w varies the length, ⟨δI, w⟩ = -∫ λ w_l
-dt, the work of the liaison, by which the text proves the two principles equivalent.  The same holds with multipliers in
-coordinates that are not adapted, where w is compatible if it is perpendicular to the rod (M eq. 14, 20 to 22).  Along a
-motion with a wrong weight the action is not stationary.  Scenario ``vakonomic_skate`` has a non-holonomic liaison.
+M 3.1 to 3.3, eq. 1 to 28.  An operator lengthens a pendulum and shortens it again.  Let ⟨δI, w⟩ be the first variation
+of the action under a variation w.  The FMU computes its motion from d'Alembert's equations.  For this motion ⟨δI, w⟩ =
+0 if w leaves the length unchanged.  If w varies the length, ⟨δI, w⟩ = -∫ λ w_l dt, which is the work of the liaison;
+with this equation the text proves that the two principles are equivalent.  The same holds in Cartesian coordinates,
+which are not adapted to the liaison, with a Lagrange multiplier; there w is compatible if it is perpendicular to the
+rod (M eq. 14, 20 to 22).  Along a motion with a wrong weight the action is not stationary.  Scenario
+``vakonomic_skate`` has a non-holonomic liaison.
 """
 
 from __future__ import annotations
@@ -46,9 +48,10 @@ def across(run: Result, n: int) -> Path:
 
 @scenario
 def main(claim: Claims) -> None:
-    why = "cubic interpolation of w and of the motion: h⁴/384 = 2e-12 times 4e3 /s⁴ and forces of 20 N"
+    why = "error of cubic interpolation: h⁴/384 (2e-12 s⁴) times fourth derivatives of 4e3 /s⁴ times forces of 20 N"
     interpolated = within(1e-7, "J.s", because=why)
-    quadrature = within(1e-7, "J.s", because="Simpson's rule: h⁴/180 = 3e-12 times fourth derivatives of 3e3 W/s³")
+    why = "error of Simpson's rule: h⁴/180 (3e-12 s⁴) times fourth derivatives of 3e3 W/s³"
+    quadrature = within(1e-7, "J.s", because=why)
     run = simulate("Pendulum", length=operator("Sinusoid", **LENGTH), theta_0=1.0, **SETTINGS)
     path = {name: run[name] for name in ("theta", "theta_dot", "length", "length_dot")}
     along = [sine(run, "theta", n) for n in MODES]
@@ -63,7 +66,8 @@ def main(claim: Claims) -> None:
     heavy = [variation(Pendulum, run, path, w, gravity=9.0) for w in along]
     torque = (9.81 - 9.0) * run["length"] * np.sin(run["theta"])
     missing = [float(simpson(torque * w["theta"], x=run.time)) for w in along]
-    claim("with another weight it is not a motion: ⟨δI, w⟩ is the weight's virtual work", heavy, missing, quadrature)
+    text = "with another gravity the path is not a motion: ⟨δI, w⟩ is the virtual work of the difference in weight"
+    claim(text, heavy, missing, quadrature)
 
     x, z = np.sin(1.0), -np.cos(1.0)
     xyz: Any = {"x_0": x, "z_0": 1 + z, "x_dot_0": 0.4 * x, "z_dot_0": 0.4 * z}
@@ -72,7 +76,7 @@ def main(claim: Claims) -> None:
     kept = [variation(CartesianPendulum, free, place, across(free, n)) for n in MODES]
     claim("multipliers: ⟨δI, w⟩ = 0 for three w across the rod", kept, 0.0, interpolated)
     in_theta = {"x": run["length"] * np.sin(run["theta"]), "z": 1 - run["length"] * np.cos(run["theta"])}
-    same = within(1e-9, "m", because="solver tolerance 1e-12, amplified less than 100-fold within 4 s")
+    same = within(1e-9, "m", because="errors of the solver at tolerance 1e-12, amplified less than 100-fold within 4 s")
     claim("both give the same motion", free, in_theta, same)
 
     motion, action = panels(

@@ -48,14 +48,13 @@ def main(claim: Claims) -> None:
         ("the loop and the curvature", "ψ$_1$ [rad]", "ψ$_2$ [rad]"),
         ("half a turn, at any speed", "rounds", "φ [deg]"),
     )
-    # of the circle that turns the cat by half a turn in three rounds
+    # radius of the circle that turns the cat by half a turn in three rounds
     r: Any = brentq(lambda r: analysis.holonomy(PlanarCat, circle(r), **CAT)["phi"] + np.pi / 3, 0.5, 2, xtol=1e-14)
     area = analysis.curvature_integral(PlanarCat, circle(r), **CAT)["phi"]
-    nodes = within(1e-10, "rad", because="integration at 1e-12 over one turn, 24 Gauss nodes a radius")
+    nodes = within(1e-10, "rad", because="errors of the integration at 1e-12 and of 24 Gauss nodes on each radius")
     claim("the line integral of the connection is the area integral of its curvature", area, -np.pi / 3, nodes)
-    turned = within(
-        1e-8, "rad", because="tolerance 1e-10, not amplified; σ interpolated over a 100th of a round, 1e-12"
-    )
+    why = "errors of the solver at tolerance 1e-10, not amplified; interpolating σ over 1/100 of a round adds 1e-12"
+    turned = within(1e-8, "rad", because=why)
     runs = {f"three rounds in {T:g} s": (fall(r, T), -np.pi) for T in (FALL, 3.0, 10.0)}
     jump, _ = runs[f"three rounds in {FALL:g} s"]
     runs |= {"backwards": (fall(r, FALL, -1), np.pi), "a path that is retraced": (fall(r, FALL, retrace=True), 0.0)}
@@ -64,10 +63,10 @@ def main(claim: Claims) -> None:
         angle = run["phi"][-1] - run["phi"][0]
         claim(f"{name}: the trunk turns by {np.degrees(expected):.0f}°", angle, expected, turned)
         turn.plot(run.time / run.time[-1] * 3, np.degrees(run["phi"]), linewidth=width, label=name)
-    parabola = within(1e-12, "m", because="a polynomial of second degree: roundings of 1 m over some hundred steps")
+    parabola = within(1e-12, "m", because="rounding errors of lengths of about 1 m, over some hundred steps")
     exact = PlanarCat.exact(jump.time, **FLIGHT)
     claim("the centre of mass flies along a parabola", jump, exact, parabola, names=("com_x", "com_z"))
-    parts = within(1e-14, "kg.m2/s", because="φ is cyclic; roundings of the parts, some 0.5 kg.m2/s each")
+    parts = within(1e-14, "kg.m2/s", because="φ is cyclic; rounding errors of parts of about 0.5 kg.m2/s each")
     claim("the angular momentum stays 0", jump["angular_momentum"], 0, parts)
 
     com, phi, psi_1, psi_2 = (jump[name][::30] for name in ("com_x", "phi", "psi_1", "psi_2"))

@@ -56,7 +56,7 @@ class UnknownSignalError(SimulationError, KeyError):
 class RefusedError(SimulationError):
     """An FMU has answered Discard or Error, or an iteration did not converge.
 
-    The FMU may go on from a saved state, and a shorter step may go.  After any other status it may not.
+    The FMU can continue from a saved state, and a shorter step may succeed.  After any other status it cannot continue.
     """
 
 

@@ -5,7 +5,7 @@ from liaisons.linkages import Body, BodyPoint, Linkage, Prismatic, Revolute, Spr
 
 
 class CarAxis(Linkage):
-    """Axis of a car on a road whose right end an operator lifts: two masses on springs with a rod between them.
+    """Axle of a car: two masses on springs, with a rod between them; an operator lifts the right end of its road.
 
     The road is a bar of length L that turns by β(t), sin β = y_b/L.  The left mass moves perpendicular to it, which is
     the constraint x_l x_b + y_l y_b = 0 of the source; the right mass keeps the distance L from the left one.  Springs

@@ -26,8 +26,8 @@ class Oscillator(Mechanism):
         m x'' = -K (x - x_0) - m γ x' + F(t)                              K eq. 114
         u'' + γ u' + ω_0² u = F/m,    ω_0² = K/m                          K eq. 115
 
-    x_0 is the support, F the force on the port of x.  Under F = |F_0| cos ωt the stationary motion is
-    |u_0| cos(ωt + φ) with
+    x_0 is the position of the support (not the start value), F the force on the port of x, and u the displacement of
+    the mass from a support at rest.  Under F = |F_0| cos ωt the steady-state oscillation of u is |u_0| cos(ωt + φ) with
 
         |u_0| = (|F_0|/m) / √((ω² - ω_0²)² + γ²ω²)                        K eq. 121
         φ = -atan2(γω, ω_0² - ω²) in (-π, 0)                              K eq. 123, its branch corrected

@@ -1,10 +1,11 @@
 """Estimates of coupling errors: the error that each step adds, from the recorded points.
 
-Within a step an input follows a polynomial, and the next divided difference, with the point before the step, says how
-far its source leaves that: the remainder of Hermite interpolation (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
-What this does to the motion follows from ∂(acceleration)/∂(input), M eq. 50, by integrating over the step, once and
-twice.  Only these derivatives are needed, which Newton's method has anyway, or which are calculated once, at the start.
-Without them, a relative error of an input is taken for a relative error of all that its FMU does.
+Within a step an input follows a polynomial.  The next divided difference, which includes the point before the step,
+estimates how far the source deviates from that polynomial: the remainder of Hermite interpolation (Hairer, Norsett,
+Wanner, Solving ODEs I, II.6).  What this does to the motion follows from ∂(acceleration)/∂(input), M eq. 50, by
+integrating over the step, once and twice.  Only these derivatives are needed, which Newton's method has anyway, or
+which are calculated once, at the start.  Without them, a relative error of an input is taken for a relative error of
+all that its FMU does.
 """
 
 from __future__ import annotations

@@ -64,20 +64,22 @@ def observe(
         )
         print(table(observer.verify()))
 
-    Once a period it reads what is measured, and σ, σ̇, σ̈ and forces, which the operators know; between samples it
-    predicts by the mechanism's equations.  At an equilibrium its gains are the steady ones; along a plan they follow
-    its covariance (extended Kalman filter).  With constraints or orientations, errors live in the tangent space.
+    Once a period the filter reads what is measured, and σ, σ̇, σ̈ and the forces, which the operators know; between
+    samples it predicts by the mechanism's equations.  At an equilibrium its gains are constant; along a plan they
+    follow from its covariance (extended Kalman filter).  With constraints or orientations, errors are tangential.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param measured: outputs by name; arrays and orientations are measured element by element.
     :param noise: standard deviation of each sample, by what is measured.
-    :param disturbance: random forces by input: standard deviation of the impulse in a second [unit of the input · √s].
+    :param disturbance: random forces by input: standard deviation of the impulse over a time T, divided by √T [unit of
+        the input · √s].
     :param at: equilibrium, ``moves``: active coordinates that operators move, ``controls``: forces that they set; as
         for :func:`liaisons.hold`.
     :param bias: biases that are estimated, too: standard deviations by what is measured.
-    :param unknown_forces: forces that are estimated, too: standard deviations by input.  They drift, as biases do, by
-        their standard deviation in 100 radians of the free motion.
-    :param deviations: standard deviations of states at the start of a plan; unless given a tenth of their sizes.
+    :param unknown_forces: forces that are estimated, too: standard deviations by input.  They, and the biases, drift by
+        one standard deviation while the free motion passes through 100 radians.
+    :param deviations: standard deviations of states at the start of a plan; unless given a tenth of the states' typical
+        magnitudes.
     :param step_size: sampling period [s]; unless given as for :func:`liaisons.hold`.
     :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
     :raises PlanError: for an unknown name, a number that is not greater than 0, a mechanism that is not in equilibrium,

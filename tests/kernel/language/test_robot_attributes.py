@@ -298,7 +298,7 @@ def page(title: str, verdicts: dict[Trial, str]) -> str:
         label = f"{element}/..." if not trial.attribute else element
         rows.setdefault(label, {OBEYED: [], LISTED: [], REQUESTED: [], REFUSED: []})[verdict].append(name)
     cells = {label: [", ".join(names) or "–" for names in row.values()] for label, row in rows.items()}
-    columns = ("element", "obeyed", "listed in `left_out`", "listed on request", "refused, by name and line")
+    columns = ("element", "obeyed", "listed in `left_out`", "left out on request", "refused, by name and line")
     head = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     return "\n".join([title, *head, *(f"| `{label}` | {' | '.join(row)} |" for label, row in cells.items()), ""])
 
@@ -311,7 +311,7 @@ must be in the folder of the document.
 
 13 of the 14 files of Gymnasium and 14 of the 19 files of dm_control's suite can be read. At 20 random states of each,
 the mass matrix and the forces (weights, centrifugal forces, springs, dampers) agree with MuJoCo to 1e-12 of the
-largest. The other files need features that a linkage does not have: `swimmer.xml` and `fish.xml` a fluid (`density`),
+largest. The other files need features that linkages do not support: `swimmer.xml` and `fish.xml` a fluid (`density`),
 `ball_in_cup.xml` a tendon with a limit, and `dog.xml` meshes, because it has bodies without `<inertial>`. `lqr.xml`
 has no joint until a program adds bodies.
 """
@@ -330,12 +330,13 @@ def title(name: str, source: str, besides: str, peer: str, notes: str) -> str:
     """Beginning of a page, before its table."""
     text = f"""The table lists each attribute of {source}. Each was tried by itself, in a small model. Obeyed
     attributes affect either the picture or the equations; in the latter case mass matrix, accelerations,
-    limits{besides} agree with {peer} to nine digits. Listed attributes and elements do not enter the equations. They
-    are named in `left_out` of
-    the [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print; what is inside a listed
-    element is left out with it. A feature that would affect the motion, but that a linkage does not have, is refused,
-    unless it is listed on request: `leave_out=["viscosity"]`, `--leave-out viscosity`."""
-    filled = textwrap.fill(" ".join(text.split()), 116)
+    limits{besides} agree with {peer} to nine digits. Attributes and elements in the column 'listed in `left_out`' do
+    not enter the equations. They are named in `left_out` of the
+    [class](../howto/build-a-linkage.md#load-urdf-or-mjcf), which the commands print; what is inside a listed element
+    is left out with it. A feature that would affect the motion, but that linkages do not support, is refused, unless
+    you ask for it to be left out: `leave_out=["viscosity"]`, `--leave-out viscosity`. It is then listed in `left_out`,
+    too."""
+    filled = textwrap.fill(" ".join(text.split()), 116, break_on_hyphens=False)
     return f"# {name}: which elements and attributes are read\n\n{filled}\n\n{notes.strip()}\n"
 
 

@@ -4,14 +4,13 @@ Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) sets inputs to outp
 outputs at its end are unknowns x that solve x = F(x), where F restores the states of all FMUs at the start of the
 step, gives them polynomials through both ends for their inputs, steps them, and reads their outputs.
 
-* ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and
-  Sangiovanni-Vincentelli 1982).  It contracts where forces react little on accelerations: for two masses in one line,
-  Θ/m < 1.
-* ``"implicit"``: Newton's method.  ∂F/∂x comes from the directional derivatives of the FMUs: at a communication
-  point forces are affine in accelerations, λ = λ_0 + Θ σ'' with the effective mass Θ (M eq. 50), and so this loop,
-  which makes explicit coupling unstable, is solved exactly whatever the ratio of the masses.  How an input moves a port
-  through its acceleration is in ∂F/∂x, too; what else goes through the states of the FMUs is of order H, and the
-  secants of the iteration bring it in (Anderson 1965).
+* ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and Sangiovanni-Vincentelli
+  1982).  It converges if the forces depend only weakly on the accelerations; for two masses in line this means Θ/m < 1.
+* ``"implicit"``: Newton's method.  ∂F/∂x comes from the directional derivatives of the FMUs: at a communication point
+  forces are affine in accelerations, λ = λ_0 + Θ σ'' with the effective mass Θ (M eq. 50), and so this loop, which
+  makes explicit coupling unstable, is solved exactly whatever the ratio of the masses.  ∂F/∂x also contains how an
+  input moves a port by way of the port's acceleration.  All other effects through the states of the FMUs are of order
+  H; they are added by the secants of the iteration (Anderson 1965).
 
 Both end at the same solution.  Between the ends an input follows the polynomial that its data determine:
 
@@ -25,15 +24,15 @@ other output                               cubic through points     H⁴
 input of an FMU that holds its inputs      mean of both ends        H²
 =========================================  =======================  ====================================
 
-Outside of cycles the source has been stepped, so that both ends are known; an output without derivatives is
-interpolated through the points before t, at the start, and always of a function of time, through points in the step.
-Discrete outputs keep their value at t until the end of the step.  At announced breaks the past is forgotten
+Outside of cycles the source has already been stepped, so both ends are known.  An output without derivatives is
+interpolated through points before t.  At the start, and for functions of time always, points within the step are used
+instead.  Discrete outputs keep their value at t until the end of the step.  At announced breaks the past is forgotten
 (``liaisons.cosim.running.breaks``).
 
 FMI 2.0 FMUs of ours take the polynomials as derivatives of their inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there they take their inputs at the fifths of a step, in intermediate update mode, and follow the quintic through
-them.  Those of the Python back end can do neither: they interpolate between the ends themselves, quintic and linear,
-and their outputs have no derivatives; a cycle with one is of second order.
+them.  FMUs of the Python back end can do neither.  They interpolate between the ends themselves, with a quintic (ports)
+or linearly (other inputs).  Their outputs have no derivatives, so a cycle that contains such an FMU is of second order.
 
 ``coupling.c`` makes the steps and solves the equations; Python prepares them, so there must be a C compiler.
 """

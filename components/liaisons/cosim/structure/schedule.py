@@ -10,14 +10,14 @@ to t + H, with Gauss-Seidel coupling::
     target, interpolate             u := y(t + H) --- doStep -----------> outputs are read
     foreign target                  u := y(t + H) --- doStep -----------> outputs are read
 
-An FMU of ours (it has the parameter ``input_reconstruction``) that holds or extrapolates takes its inputs for those at
-t and is given them; one that interpolates remembers those at t and is given those at t + H.  So do all whose sources
-are stepped before them, unless the user has chosen otherwise: they have order 6 at ports, not 3.  A foreign FMU gets
-the newest values.  With Jacobi coupling every input holds the value at t.
+An FMU of ours (it has the parameter ``input_reconstruction``) that holds or extrapolates is given the inputs at t.  One
+that interpolates still has the inputs at t, and is given those at t + H.  By default every FMU whose sources are
+stepped before it interpolates, since its order at ports is then 6 instead of 3.  A foreign FMU gets the newest values.
+With Jacobi coupling every input holds the value at t.
 
 In a cycle the components are stepped in the order in which they were added, and what feeds back to an earlier one
 belongs to t: an error of first order in H.  If in a cycle outputs depend directly on inputs all the way round (an
-acceleration-force loop), one sweep in that order stands for the solution.
+acceleration-force loop), the loop is not solved: one sweep in that order is taken instead of the solution.
 """
 
 from __future__ import annotations
