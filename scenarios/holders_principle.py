@@ -4,9 +4,8 @@ M 3.1 to 3.3, eq. 1 to 28.  An operator lengthens a pendulum and shortens it aga
 of the action under a variation w.  The FMU computes its motion from d'Alembert's equations.  For this motion ⟨δI, w⟩ =
 0 if w leaves the length unchanged.  If w varies the length, ⟨δI, w⟩ = -∫ λ w_l dt, which is the work of the liaison;
 with this equation the text proves that the two principles are equivalent.  The same holds in Cartesian coordinates,
-which are not adapted to the liaison, with a Lagrange multiplier; there w is compatible if it is perpendicular to the
-rod (M eq. 14, 20 to 22).  Along a motion with a wrong weight the action is not stationary.  Scenario
-``vakonomic_skate`` has a non-holonomic liaison.
+with a multiplier; there w is compatible if it is perpendicular to the rod (M eq. 14, 20 to 22).  Along a motion with a
+wrong weight the action is not stationary.  Scenario ``vakonomic_skate`` has a non-holonomic liaison.
 """
 
 from __future__ import annotations
@@ -50,8 +49,7 @@ def across(run: Result, n: int) -> Path:
 def main(claim: Claims) -> None:
     why = "error of cubic interpolation: h⁴/384 (2e-12 s⁴) times fourth derivatives of 4e3 /s⁴ times forces of 20 N"
     interpolated = within(1e-7, "J.s", because=why)
-    why = "error of Simpson's rule: h⁴/180 (3e-12 s⁴) times fourth derivatives of 3e3 W/s³"
-    quadrature = within(1e-7, "J.s", because=why)
+    quadrature = within(1e-7, "J.s", because="error of Simpson's rule: h⁴/180 times fourth derivatives of 3e3 W/s³")
     run = simulate("Pendulum", length=operator("Sinusoid", **LENGTH), theta_0=1.0, **SETTINGS)
     path = {name: run[name] for name in ("theta", "theta_dot", "length", "length_dot")}
     along = [sine(run, "theta", n) for n in MODES]
@@ -66,8 +64,7 @@ def main(claim: Claims) -> None:
     heavy = [variation(Pendulum, run, path, w, gravity=9.0) for w in along]
     torque = (9.81 - 9.0) * run["length"] * np.sin(run["theta"])
     missing = [float(simpson(torque * w["theta"], x=run.time)) for w in along]
-    text = "with another gravity the path is not a motion: ⟨δI, w⟩ is the virtual work of the difference in weight"
-    claim(text, heavy, missing, quadrature)
+    claim("other gravity, so no motion: ⟨δI, w⟩ is the virtual work of the missing weight", heavy, missing, quadrature)
 
     x, z = np.sin(1.0), -np.cos(1.0)
     xyz: Any = {"x_0": x, "z_0": 1 + z, "x_dot_0": 0.4 * x, "z_dot_0": 0.4 * z}
