@@ -45,3 +45,11 @@ def test_many_warnings_are_counted() -> None:
             logger.warning("number 0")
     assert len(found.texts) == 101
     assert found.texts[-1] == "and 3 more"
+
+
+def test_a_collection_is_spared_what_another_gets_instead() -> None:
+    with collected_warnings() as first:
+        with collected_warnings(instead_of=first) as second:
+            logger.warning("%s", "between")
+        logger.warning("after")
+    assert (first.texts, second.texts) == (("after",), ("between",))

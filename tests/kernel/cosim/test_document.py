@@ -87,6 +87,15 @@ def test_components_that_are_connected_are_one_group_of_the_picture(system: Syst
     assert system.document.scene.groups == [[0, 1, 2, 3]]
 
 
+def test_a_load_that_is_fed_alone_lacks_no_rates(component: FmuPaths) -> None:
+    system = System("pushed")
+    mass, ramp = system.add("mass", component("Oscillator")), system.add("ramp", component("Ramp"))
+    system.connect(ramp["y"], mass["x_load"])
+    simulation = checked_simulation(system.document, 0.2, 0.1, coupling="gauss-seidel")
+    assert simulation.parts["mass"].starts["input_reconstruction"] == 2  # known at both ends of a step
+    assert simulation.warnings == ()
+
+
 def test_one_room_alone_knows_files() -> None:
     code = "from liaisons.cosim import System\ntry: {}\nexcept Exception as error: print(error)"
     for call, words in (
