@@ -80,10 +80,15 @@ def setup(app: Sphinx) -> None:
 
 
 def spread_notebooks(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Put long pages between short ones, most of them early: ``--jobs`` reads parts of this list side by side."""
-    cells = [name for name in names if "{code-cell}" in env.doc2path(name).read_text(encoding="utf-8")]
-    long = [*({"reference/api"} & set(names)), *cells]
-    pages = [name for name in names if name not in long]
+    """Put long pages where they are read early, so that no core waits for the last of them.
+
+    With ``--jobs``, Sphinx cuts the list into some nine parts.  It begins with the first two, then goes back from the
+    last.
+    """
+    cells = {name: env.doc2path(name).read_text(encoding="utf-8").count("{code-cell}") for name in names}
+    long = sorted((name for name in names if cells[name] or name == "reference/api"), key=lambda name: -cells[name])
+    pages, half = [name for name in names if name not in long], len(long) // 2
     for i, name in enumerate(long):
-        pages.insert(int(len(names) * (i / len(long)) ** 2), name)
+        part = 0.2 * i / half if i < half else 0.4 + 0.6 * ((i - half) / (len(long) - half)) ** 0.5
+        pages.insert(int(part * len(names)), name)
     names[:] = pages
