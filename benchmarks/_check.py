@@ -56,7 +56,8 @@ def report(name: str, written: Section, found: Sequence[Comparison], tries: Sequ
         lines.append(
             f"  {it.row.topic}: {it.row.case}: {number(it.ratio)} × {it.row.yardstick}, on the page {page}{overlap}"
         )
-    if worse and written.processor != tries[-1].processor:
+    # Older pages have no number of the processor's model.
+    if worse and not {*written.processor.split()} <= {*tries[-1].processor.split()}:
         lines.append(f"  the page is of another processor, {written.processor}; this one is {tries[-1].processor}")
     if worse and (busy := max(section.busy for section in tries)) > QUIET:
         lines.append(f"  other work kept up to {busy:g} cores busy")

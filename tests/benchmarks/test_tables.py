@@ -141,7 +141,7 @@ def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
         "steps: 2 ratios, measured 1 times, 1 worse than at commit abc1234\n  Steps: ours: 3 × by hand, on the page 2"
     )
     found = compared(written, measured(3.0))
-    assert report("steps", page, found, [replace(page, machine="a processor, another compiler")]) == words
+    assert report("steps", page, found, [replace(page, machine="a processor model 7, a compiler")]) == words
     assert report("steps", page, found, [replace(page, machine="another, a compiler", busy=1.5)]) == (
         f"{words}\n  the page is of another processor, a processor; this one is another\n"
         "  other work kept up to 1.5 cores busy"
