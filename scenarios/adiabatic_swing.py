@@ -25,8 +25,8 @@ def main(claim: Claims) -> None:
         ("T = 20 s: relative to the start", "t [s]", "ratio"),
         ("before and after", "T [s]", "relative change of the action"),
     )
-    small = within(1e-8, because="relative; (T Ω)⁻⁴ · 840, from the jumps of the fourth derivative at both ends")
-    order = within(16.0**-4, because="the order of the first derivative of the length that jumps")
+    small = within(1e-8, because="relative error 840 (T Ω)⁻⁴, due to the jumps of the fourth derivative at both ends")
+    order = within(16.0**-4, because="the order of the lowest derivative of the length that jumps")
     for name, (theta, rate) in STARTS.items():
         changes = []
         for T in DURATIONS:

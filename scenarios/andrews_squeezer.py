@@ -72,12 +72,12 @@ def pin_forces(run: Result) -> dict[str, complex]:
 @scenario
 def main(claim: Claims) -> None:
     run = simulate(Squeezer, beta_force=TORQUE, stop_time=0.03, step_size=1e-4, tolerance=TOLERANCE)
-    ten = within(15.8e-10, "rad", because="ten digits of the largest angle; the published ones hold 1.4e-9")
+    ten = within(15.8e-10, "rad", because="ten digits of the largest angle; the published angles are right to 1.4e-9")
     for name, angle in PUBLISHED.items():
         claim(f"{name} at t = 0.03: {angle:.11g}", run[name][-1], angle, ten)
     forces = pin_forces(run)
-    seven = within(2e-5, "N", because="seven digits of the largest; the published ones hold 1.5e-5")
-    eight = within(2e-6, "N", because="eight digits of the largest")
+    seven = within(2e-5, "N", because="seven digits of the largest multiplier; the published ones are right to 1.5e-5")
+    eight = within(2e-6, "N", because="eight digits of the largest multiplier")
     for pin, (published, converged) in MULTIPLIERS.items():
         claim(f"multipliers of {pin}, as published", forces[pin], published, seven)
         claim(f"multipliers of {pin}, converged", forces[pin], converged, eight)

@@ -18,7 +18,7 @@ RIGHT = np.pi / 2
 
 @scenario
 def main(claim: Claims) -> None:
-    rounding = within(1e-9, "N.m", because="roundings of moments of 200 N m, and of the load's attitude at the start")
+    rounding = within(1e-9, "N.m", because="rounding errors of moments of 200 N m and of the load's start attitude")
     poses, names = np.linspace(0.0, 1.2, 5), [f"axis_{k}" for k in range(1, 7)]
     (axis,) = panels(("torques that hold the arm", "lift of the upper arm [rad]", "λ [N m]"), size=(7, 4))
     torques = []

@@ -48,8 +48,8 @@ class Ring(Mechanism):
 @scenario
 def main(claim: Claims) -> None:
     slide, ring = panels(("off a sphere", "x [m]", "z [m]"), ("off a hoop", "t [s]", "force [N]"))
-    metres = within(1e-10, "m", because="solver tolerance 1e-13, κ < 100")
-    comparison = within(0.0, because="a comparison at all communication points")
+    metres = within(1e-10, "m", because="errors at solver tolerance 1e-13, amplified less than 100-fold")
+    comparison = within(0.0, because="an inequality at all communication points")
     for theta in (0.1, 0.5, 1.0):
         start = {"x_0": np.sin(theta), "z_0": np.cos(theta)}
         run = simulate("BeadOnSphere", record=["x", "z", "gap", "gap_force"], start_values=start, **SETTINGS)
@@ -68,7 +68,7 @@ def main(claim: Claims) -> None:
     held = CircularHoop.exact(run.time, **TURNING)
     on_it = run.time < end
     claim(f"the force of the hoop ends at {end:.4f} s", run["gap_force"] > 0, on_it, comparison)
-    newton = within(1e-9, "N", because="solver tolerance 1e-13, κ < 100")
+    newton = within(1e-9, "N", because="errors at solver tolerance 1e-13, amplified less than 100-fold")
     claim("up to then it equals normal_force", run["gap_force"][on_it], held["normal_force"][on_it], newton)
     exact = CircularHoop.exact(np.append(run.time[on_it], end), **TURNING)
     angle = exact["xi"] + np.append(run.time[on_it], end)

@@ -52,10 +52,10 @@ def main(claim: Claims) -> None:
             f"Γ = {ratio}: the ball is never inside the table",
             np.minimum(run["gap"], 0),
             0.0,
-            within(1e-12, "m", because="rounding"),
+            within(1e-12, "m", because="rounding errors"),
         )
         if ratio < 1:
-            claim(f"Γ = {ratio}: it never leaves", run["gap"], 0.0, within(1e-12, "m", because="rounding"))
+            claim(f"Γ = {ratio}: it never leaves", run["gap"], 0.0, within(1e-12, "m", because="rounding errors"))
         else:
             flies = run.time - leaves
             flies = flies[(flies > 0) & (flies < 0.05)]

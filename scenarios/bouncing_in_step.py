@@ -69,11 +69,11 @@ def main(claim: Claims) -> None:
     phases, highest = np.transpose([in_step(ratio) for ratio in RATIOS])
     heights = heights_of_fmus(phases, highest + NEAR)
     stable = limit > RATIOS
-    settled = within(1e-9, "m", because=f"NEAR times the multipliers' {PERIODS}th power, and the solver's tolerance")
+    settled = within(1e-9, "m", because=f"NEAR times multipliers to the power {PERIODS}, and the solver's tolerance")
     text = f"up to Γ = {limit:.4f} it bounces in step"
     claim(text, heights[stable], np.tile(highest[stable, None], SEEN), settled)
     count = [np.unique(np.round(row, 4)).size for row in heights]
-    claim("then at two, four, eight heights", count, [1, 1, 1, 1, 1, 2, 2, 2, 4, 8], within(0.0, because="a count"))
+    claim("then at two, four, eight heights", count, [1, 1, 1, 1, 1, 2, 2, 2, 4, 8], within(0.0, because="integers"))
     mapped = [heights_of_map(*case) for case in zip(RATIOS, phases, highest + NEAR, strict=True)]
     claim("the heights are those of a map of the impacts", heights, mapped, settled)
 

@@ -19,9 +19,9 @@ TOLERANCE = 1e-12
 @scenario
 def main(claim: Claims) -> None:
     run = simulate("Bricard", stop_time=3.0, step_size=0.01, tolerance=TOLERANCE)
-    exact_count = within(0, because="a rank")
+    exact_count = within(0, because="a rank is a whole number")
     claim("one constraint of five is redundant", len(Bricard.redundant), 1, exact_count)
-    symmetric = within(1e-7, "rad", because="tolerance 1e-12 over 3 s, amplified where the loop is nearly flat")
+    symmetric = within(1e-7, "rad", because="tolerance 1e-12 over 3 s; errors grow where the loop is nearly flat")
     claim("hinges 1, 3, 5 turn together", [run["hinge_3"], run["hinge_5"]], run["hinge_1"], symmetric)
     claim("hinges 2 and 4 turn together", run["hinge_4"], run["hinge_2"], symmetric)
     # A closed loop of unit rods with right angles between the hinges: 1 + cos a + cos b = sum that stays.

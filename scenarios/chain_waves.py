@@ -34,20 +34,20 @@ def main(claim: Claims) -> None:
     free = simulate(chain, stop_time=100.0, step_size=0.5, tolerance=1e-12, u_0=displaced, **BODY)
     expected, modes = OscillatorChain.normal_modes(n=N, **SPRINGS)
     found = frequencies((np.linalg.inv(modes) @ free["u"].T)[1:], 0.5)
-    cosines = within(1e-7, "rad/s", because="errors of 1e-11 in amplitudes of 1e-3, over h sin Ωh = 0.02")
+    cosines = within(1e-7, "rad/s", because="errors of 1e-11 in amplitudes of 1e-3, divided by h sin Ωh = 0.02")
     claim(f"{N - 1} normal modes: Ω_k = 2 √(κ/m) sin(kπ/2N)", found, expected[1:], cosines)
     exact = OscillatorChain.exact(free.time, u_0=displaced, **SPRINGS)["u"]
-    phase = within(1e-9, "m", because="tolerance 1e-12 over a phase Ωt of 400")
+    phase = within(1e-9, "m", because="solver tolerance 1e-12 times a phase Ωt of 400")
     claim("the free chain is the sum of its modes", free["u"], exact, phase)
-    pairs = within(1e-12, "kg.m/s", because=f"the forces of a spring on its ends cancel: roundings of {N} terms")
+    pairs = within(1e-12, "kg.m/s", because=f"the forces of a spring on its ends cancel: rounding errors of {N} terms")
     claim("the total momentum is constant", np.sum(free["p_u"], axis=1), 0.0, pairs)
     group = np.diff(found) / (np.pi / (N * SPACING))
-    differences = within(1e-6, because="the error of Ω_k above, over the distance of two of them")
+    differences = within(1e-6, because="the error of Ω_k above, divided by the distance of two frequencies")
     claim.below("no group velocity exceeds c", group / C, 1.0, differences)
 
     sine: Any = {"amplitude": 0.1, "angular_frequency": 1.3}
     run = simulate(grip, stop_time=60.0, step_size=0.05, tolerance=1e-10, drive=operator("Sinusoid", **sine), **BODY)
-    driven = within(1e-8, "m", because="tolerance 1e-10 over a phase Ωt of 240; σ interpolated, 1e-10")
+    driven = within(1e-8, "m", because="tolerance 1e-10 times a phase Ωt of 240; error of interpolating σ, 1e-10")
     modal = DrivenChain.exact(run.time, n=N, **SPRINGS, **sine)["u"]
     claim("driven by a sine: the modal sum with a prescribed end", run["u"], modal, driven)
 
@@ -56,7 +56,7 @@ def main(claim: Claims) -> None:
     before = slow.time <= ECHO
     # ∫ t u' dt = ∫ (1 - u) dt, the mean time at which a push by 1 m passes each of the masses; before its echo
     passing = trapezoid(1 - slow["u"][before, :REACHED], slow.time[before], axis=0) - PUSH / 2
-    ripples = within(1e-5, "s", because="the mean time knows long waves only; the ripples behind the front are cut off")
+    ripples = within(1e-5, "s", because="the mean time is that of long waves; the ripples behind the front are cut off")
     text = f"a push of {PUSH:g} s passes masses 1 to {REACHED} at j Δx/c: c = {C:g} m/s"
     claim(text, passing, J[:REACHED] / OMEGA, ripples)
 
@@ -65,7 +65,7 @@ def main(claim: Claims) -> None:
     times = AHEAD * masses / OMEGA
     early = [np.max(np.abs(sudden["u"][sudden.time <= t, j - 1])) for j, t in zip(masses, times, strict=True)]
     part = early / DrivenChain.forerunner(times, masses, **SPRINGS)
-    series = within(1.0, because="part of J_2j(x)/√(1 - (x/2j)²), which is 4e-3 at mass 20 and 4e-8 at mass 60")
+    series = within(1.0, because="a part of J_2j(x)/√(1 - (x/2j)²), which is 4e-3 at mass 20 and 4e-8 at mass 60")
     claim(f"a sudden push: at {AHEAD} j Δx/c the motion is J_2j alone", part, 0.0, series)
 
     law, front = panels(("dispersion", "q [rad/m]", "Ω [rad/s]"), ("a slow push at the left end", "t [s]", "x [m]"))

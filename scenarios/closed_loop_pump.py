@@ -43,9 +43,9 @@ def main(claim: Claims) -> None:
     runs = [pumped(rate) for rate in RATES]
     sudden = Pendulum.crouch_growth(length_low=LOW, length_high=HIGH)
     lost = sudden - np.array([growth(run) for run in runs])
-    delay = within((3 * np.sqrt(9.81) / RATES[-1]) ** 2, because="(Ω · 3/rate)², the square of the delay in the phase")
+    delay = within((3 * np.sqrt(9.81) / RATES[-1]) ** 2, because="the squared phase of the delay, (Ω · 3/rate)²")
     claim(f"the growth tends to that of sudden crouches, (l_low/l_high)³ = {sudden:.4f}", lost[-1], 0.0, delay)
-    regression = within(0.1, because="regression over a factor of 8; the next order is Ω · 3/rate = 0.2 at the slowest")
+    regression = within(0.1, because="slope over a factor of 8 in rate; the next term is Ω · 3/rate = 0.2 at most")
     claim.order("the loss is proportional to the square of the delay", 1 / RATES, lost, 2, regression)
     claim.energy("the energy gained is the child's work", *runs, tolerance=TOLERANCE)
 

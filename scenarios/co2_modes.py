@@ -41,13 +41,13 @@ def main(claim: Claims) -> None:
     # K eq. 156, from eq. 154 and 155
     stiffness = np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1]]) / np.sqrt(np.outer(MASSES, MASSES))
     squares = np.linalg.eigvalsh(stiffness)
-    matrix = within(1e-15, "rad2/s2", because="eigenvalues of a matrix of order 0.2: roundings")
+    matrix = within(1e-15, "rad2/s2", because="rounding errors of eigenvalues of a matrix with entries of about 0.2")
     derived = analysis.normal_modes(LinearMolecule, x_1=0.0).squares
     claim("K eq. 156 follows from the Lagrangian at its equilibrium", derived, squares, matrix)
 
     alone = {k: started_in(k) for k in PICTURES}
-    zeros = within(1e-9, because="relative; solver tolerance 1e-11, spline error of the zeros (0.05 Ω)⁴/384")
-    mixed = within(1e-10, "m", because="10 x tolerance 1e-11: linear equations mix modes by their errors only")
+    zeros = within(1e-9, because="relative errors of the solver, 1e-11, and of zeros of the spline, (0.05 Ω)⁴/384")
+    mixed = within(1e-10, "m", because="10 times tolerance 1e-11: in linear equations, only errors mix the modes")
     for k in (2, 3):
         text = f"mode {k} {PICTURES[k]}: Ω = {np.sqrt(squares[k - 1]):.5f} rad/s, root of the eigenvalue"
         claim(text, frequency(alone[k], k) / np.sqrt(squares[k - 1]), 1.0, zeros)
@@ -57,11 +57,11 @@ def main(claim: Claims) -> None:
 
     struck = run(300.0, x_1_0=0.0, x_1_dot_0=0.01)
     exact = LinearMolecule.exact(struck.time, x_1_0=0.0, x_1_dot_0=0.01)
-    phase = within(1e-9, "m", because="10 x tolerance 1e-11 x 10: a phase Ωt of 140 in amplitudes of 0.1 m")
+    phase = within(1e-9, "m", because="100 times the solver tolerance 1e-11: a phase Ωt of 140, at amplitudes of 0.1 m")
     text = "a struck molecule: the sum of three modes, each with its frequency"
     claim(text, struck, exact, phase, names=("x_1", "x_2", "x_3"))
     momentum = np.sum([struck[f"p_x_{i}"] for i in PICTURES], axis=0)
-    pairs = within(1e-13, "kg.m/s", because="the forces of a spring on its ends cancel: roundings")
+    pairs = within(1e-13, "kg.m/s", because="the forces of a spring on its ends cancel up to rounding")
     claim("the total momentum, with each atom's own mass, is constant", momentum, momentum[0], pairs)
 
     titles = {k: f"mode {k}: {picture}" for k, picture in PICTURES.items()} | {4: "left atom struck"}

@@ -59,7 +59,7 @@ def main(claim: Claims) -> None:
     attitude = Rotation.from_quat(quaternion, scalar_first=True)
     e = attitude.apply(SpatialCat.bisector(run["bend"], run["azimuth"]))  # direction of a + b in space
     psi = SpatialCat.cone_turn(tilt=TILT, half_angle=HALF_ANGLE)
-    why = f"solver tolerance {TOLERANCE:g}; σ interpolated over 1/400 of the turn: 1e-11"
+    why = f"errors at solver tolerance {TOLERANCE:g}, and of σ interpolated over 1/400 of the turn, 1e-11"
     solver, expected = within(1e-9, because=why), Rotation.from_rotvec(psi * e[0])
     text = f"Kane and Scher's cone: turned by their integral, {np.degrees(psi):.1f}°"
     claim(text, attitude[-1].as_matrix(), expected.as_matrix(), solver)

@@ -38,11 +38,11 @@ def is_refused() -> bool:
 
 @scenario
 def main(claim: Claims) -> None:
-    solver = within(2e-9, because="10 x tolerance 1e-11 x 20 s")
+    solver = within(2e-9, because="10 times the solver tolerance 1e-11, times 20 s")
     planet = along("KeplerOrbit", x_0=1.0, y_dot_0=1.25)
     momentum = analysis.noether(KeplerOrbit, rotation).evaluate(**{q: planet[q] for q in ("x", "y", "x_dot", "y_dot")})
     claim("a planet, turned: x p_y - y p_x is constant", momentum, momentum[0], solver)
-    twice = "two evaluations at the same states: roundings"
+    twice = "rounding errors of two evaluations at the same states"
     angular = within(1e-14, "kg.m2/s", because=twice)
     claim("it equals the angular momentum of the FMU", momentum, planet["angular_momentum"], angular)
 
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     claim("a charge, turned: (r∧p)_z with canonical p", canonical, canonical[0], solver)
     lift = analysis.noether(ChargedParticle, lambda _: {"z": 1.0}).evaluate(**charged)
     claim("a charge, moved along the field: p_z", lift, lift[0], solver)
-    claim("a pendulum, turned: refused, since it is no symmetry", is_refused(), True, within(0.0, because="a count"))
+    claim("a pendulum, turned: refused, since it is no symmetry", is_refused(), True, within(0.0, because="yes or no"))
     cyclic, p_phi = set(analysis.cyclic_coordinates(PolarOscillator)), along("PolarOscillator")["p_phi"]
     kept = np.append(p_phi - p_phi[0], cyclic != {"phi"})
     never = within(0.0, "kg.m2/s", because="its rate is zero, not small")
@@ -62,7 +62,7 @@ def main(claim: Claims) -> None:
     H = analysis.hamiltonian(KeplerOrbit)
     vector = [analysis.observable(KeplerOrbit, lambda m, i=i: getattr(m, f"eccentricity_{i}")) for i in "xy"]
     brackets = [analysis.poisson_bracket(H, component).evaluate(**at) for component in vector]
-    cancelled = within(1e-13, "1/s", because="cancellation of terms of size 1")
+    cancelled = within(1e-13, "1/s", because="rounding errors of terms of about 1 that cancel")
     claim("{H, eccentricity} = 0 along the orbit", brackets, 0.0, cancelled)
     p_r = analysis.observable(KeplerOrbit, lambda m: m.x * m.momentum(m.x) + m.y * m.momentum(m.y))
     virial = 2 * planet["kinetic_energy"] + planet["potential_energy"]
@@ -74,7 +74,7 @@ def main(claim: Claims) -> None:
     claim("q' = ∂H/∂p, p' = -∂H/∂q are the FMU's derivatives", flow, rates, unit_mass)
     velocities = [analysis.observable(ChargedParticle, lambda m, q=q: m.dot(getattr(m, q))) for q in "xy"]
     bracket = analysis.poisson_bracket(*velocities).evaluate(B_z=B)
-    claim("{v_x, v_y} = -Q B/m²", bracket, -B, within(1e-15, because="one multiplication"))
+    claim("{v_x, v_y} = -Q B/m²", bracket, -B, within(1e-15, because="the rounding error of one multiplication"))
 
     constants = {"x p_y - y p_x": momentum, "eccentricity, x": planet["eccentricity_x"], "energy": planet["energy"]}
     left, right = panels(

@@ -61,14 +61,14 @@ def main(claim: Claims) -> None:
     print(table({"": way, "from the modes [m]": f"{a:.1e}", "from one FMU [m]": f"{b:.1e}"} for way, a, b in rows))
 
     coupling = within(BOUND, "m", because=WHY)
-    claim.order("order 4", SIZES, errors, 4, within(0.15, because="terms of order (4 H)²"))
+    claim.order("order 4", SIZES, errors, 4, within(0.15, because="terms of relative order (4 H)²"))
     claim("against normal modes", found, expected, coupling)
-    claim("flattened, against normal modes", flat, expected, within(1e-10, "m", because="tolerance 1e-12, 20 s"))
+    claim("flattened, against normal modes", flat, expected, within(1e-10, "m", because="tolerance 1e-12 over 20 s"))
     claim("ten FMUs against flattened", found, flat, coupling)
     alone = simulate("OscillatorChain", times=fine.time, tolerance=1e-12, **BODY)["u"].T
     claim("against OscillatorChain", found, alone, coupling)
     momentum, energy, handed = (of_all(fine, name).sum(axis=0) for name in ("p_x", "energy", "work"))
-    force = within(4 * BOUND, "J", because=f"{WHY}, times forces")
+    force = within(4 * BOUND, "J", because=f"{WHY}; times the forces")
     claim("total momentum", np.ptp(momentum), 0.0, within(BOUND, "kg.m/s", because=WHY))
     claim("energy of the chain", np.ptp(energy), 0.0, force)
     claim("work in one mass is work out of another", handed, 0.0, force)

@@ -47,7 +47,7 @@ def main(claim: Claims) -> None:
         mosaic="ab;cc",
         size=(9.0, 7.0),
     )
-    higher = within(0.05, because="terms of higher order, rate · H < 0.1")
+    higher = within(0.05, because="terms of higher order in rate · H < 0.1")
     below: Any = {"marker": "o", "markersize": 9, "linewidth": 5, "alpha": 0.4}  # of two curves that coincide
     for coupling, order, style in (
         ("jacobi", 1, below),
@@ -62,19 +62,19 @@ def main(claim: Claims) -> None:
     orders.minorticks_off()
 
     long, error = compared(SMALL, 10.0, 0.001)
-    claim("small angles, H = 1 ms, 10 s", error, 0.0, within(1e-8, "rad", because="asked for"))
-    interface = within(1e-11, "J", because="interface tolerance 1e-13 of 10 N, 0.1 m/s, 10 s")
+    claim("small angles, H = 1 ms, 10 s", error, 0.0, within(1e-8, "rad", because="the accuracy that is required"))
+    interface = within(1e-11, "J", because="interface tolerance 1e-13, times 10 N, 0.1 m/s and 10 s")
     claim("the energy that one gives is what the other receives", long["upper.work"], -long["lower.work"], interface)
     for name in ("upper", "lower"):
         motion.plot(long.time, long[f"{name}.theta"], label=name)
 
-    load = "H⁴/720 of the load's fourth derivative: rate² = 2 g (1 + m_2/m_1), size g m_2/m_1, angle"
+    load = "H⁴/720 times the load's fourth derivative: rate² = 2 g (1 + m_2/m_1), times g m_2/m_1 and angle"
     for mass in (0.01, 0.1, 1.0, 10.0, 100.0):
         error = compared(SMALL, 1.0, 0.002, mass=mass)[1]
         bound = 1e-12 + 0.002**4 / 720 * (19.62 * (1 + mass)) ** 2 * max(1.0, 9.81 * mass) * SMALL[1]
         claim(f"implicit, m_2/m_1 = {mass:g}: stable", error, 0.0, within(bound, "rad", because=load))
         masses.loglog(mass, error, "ko")
-    moving = within(0.02, because="meanwhile the force itself moves by 1e-4")
+    moving = within(0.02, because="between two steps the force itself changes by 1e-4")
     for mass in (0.8, 1.25):
         run = pair(RIGHT_ANGLE, mass, rate=1.0).simulate(4e-5, 1e-5, tolerance=1e-12, coupling="jacobi")
         change = np.diff(run["lower.pivot_x_force"])

@@ -47,11 +47,11 @@ def main(claim: Claims) -> None:
     values, sigmas = np.array([fit.values[name] for name in TRUTH]), np.sqrt(np.diag(fit.covariance))
     best = least_squares(lambda p: (decaying(p) - measured) / NOISE, values, jac="3-point", x_scale=truth)
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
-    same = within(1e-3, because="standard errors; both stop where the sum of squares is flat to 1e-8")
+    same = within(1e-3, because="in standard errors; both fits stop when the sum of squares changes by 1e-8 of itself")
     claim("all three are those of least squares over the integrated equation", values / errors, best.x / errors, same)
-    differences = within(1e-5, because="relative; derivatives of the reference by differences")
+    differences = within(1e-5, because="relative error; the reference is differentiated by finite differences")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
-    nearer = within(3.1, because="standard errors: 1 of 200 measurements of three values would be farther away")
+    nearer = within(3.1, because="in standard errors; 1 of 200 measurements of three values would be farther away")
     claim("all three are true within their standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
@@ -69,7 +69,7 @@ def main(claim: Claims) -> None:
     action = Pendulum.action(turns, 0.0, fit.values["length"])
     left = np.log(action / action[0]) + fit.values["friction"] * turned
     square = fit.values["friction"] ** 2 * fit.values["length"] / GRAVITY
-    average = within(square, because="(η/Ω)², as friction does not act evenly over a swing")
+    average = within(square, because="(η/Ω)², since friction does not act evenly over a swing")
     claim("at the turning points the action has fallen by e^(-ηt)", left, 0.0, average)
 
     motion, ellipse = panels(("measured, fitted", "t [s]", "θ [rad]"), ("what is sure", "η [1/s]", "l [m]"))

@@ -38,8 +38,8 @@ def main(claim: Claims) -> None:
     def modes(result: Result, theta_1: float, theta_2: float) -> dict[str, np.ndarray]:
         return DoublePendulum.small_angles(result.time, theta_1_0=theta_1, theta_2_0=theta_2, **LIGHT)
 
-    linear = within(1e-10, "rad", because="amplitude 1e-4 cubed, times a phase of 80: linear up to that")
-    fifth = within(0.05, because="terms of fifth order, amplitude² relative")
+    linear = within(1e-10, "rad", because="nonlinear terms: the cube of the amplitude 1e-4, times a phase Ωt of 80")
+    fifth = within(0.05, because="terms of fifth order, smaller by the square of the amplitude")
     errors = []
     _, shapes = DoublePendulum.normal_modes(**LIGHT)
     for name, shape, marker in zip(("slow", "fast"), shapes.T, "os", strict=True):
@@ -56,7 +56,7 @@ def main(claim: Claims) -> None:
     order.loglog(AMPLITUDES, errors[0] * (AMPLITUDES / AMPLITUDES[0]) ** 3, color="0.6", label="amplitude³")
 
     beats = run(60.0, 0.0, 1e-3, **LIGHT)
-    cubed = within(1e-3**3 * 250, "rad", because="amplitude cubed x phase Ωt of 250")
+    cubed = within(1e-3**3 * 250, "rad", because="nonlinear terms: the cube of the amplitude, times a phase Ωt of 250")
     claim("beats: the sum of both modes", beats, modes(beats, 0.0, 1e-3), cubed, names=ANGLES)
     for angle in reversed(ANGLES):
         beat.plot(beats.time[:1501], 1e6 * beats[angle][:1501], linewidth=1, label=angle.replace("theta", "θ"))
@@ -64,6 +64,6 @@ def main(claim: Claims) -> None:
     wild, disturbed = run(60.0, 2.0, 2.5), run(60.0, 2.0 + 1e-9, 2.5)
     claim.energy("large motion: the energy is constant", wild, tolerance=TOLERANCE)
     apart = np.abs(wild["theta_2"] - disturbed["theta_2"])
-    sign = within(0.0, "rad", because="a sign, no number")
+    sign = within(0.0, "rad", because="an inequality")
     claim.below("large motion: two starts 1e-9 rad apart end a turn apart", 2 * np.pi, np.max(apart), sign)
     chaos.semilogy(wild.time[1:], apart[1:], linewidth=0.8)

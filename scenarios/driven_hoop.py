@@ -38,7 +38,7 @@ def main(claim: Claims) -> None:
         "CircularHoop", stop_time=60.0, step_size=0.02, tolerance=TOLERANCE, xi_0=2.5, xi_dot_0=0.0, beta=motor
     )
     exact = CircularHoop.exact(run.time, beta_dot=RATE, xi_0=2.5, xi_dot_0=0.0)
-    why = "solver tolerance 1e-10, amplification below 100 over 60 s; forces are 10 times as stiff"
+    why = "errors at solver tolerance 1e-10, amplified less than 100-fold over 60 s; for forces 10 times more"
     for name, bound in BOUNDS.items():
         claim(f"{name} against the closed form", run[name], exact[name], within(bound, run.units[name], because=why))
     claim.energy("energy - work of the operator is constant", run, tolerance=TOLERANCE)

@@ -28,8 +28,8 @@ def main(claim: Claims) -> None:
         ("belt at 0.2 m/s", "t [s]", "x [m]"),
         ("shaken, under a force", "F/μmg", "mean velocity [m/s]"),
     )
-    exact = within(1e-9, "m", because="solver tolerance 1e-12, events on its dense output, κ < 100")
-    joule = within(1e-9, "J", because="solver tolerance 1e-12 of 5 J, κ < 100")
+    exact = within(1e-9, "m", because="errors of solver (1e-12) and of instants of events, amplified < 100-fold")
+    joule = within(1e-9, "J", because="errors at solver tolerance 1e-12 of energies of 5 J, amplified < 100-fold")
     friction: Any = {"mu_static": 0.05, "mu_sliding": 0.03}
     run = simulate("DryOscillator", stop_time=20.0, step_size=0.02, tolerance=TOLERANCE, record=RECORD, **friction)
     expected = DryOscillator.exact(run.time, **friction)
@@ -76,7 +76,7 @@ def main(claim: Claims) -> None:
         "a shaken block drifts under any force",
         means,
         leading,
-        within(2 * ratio, "m/s", because="μg/Aω², the next order"),
+        within(2 * ratio, "m/s", because="the next term is of relative size μg/Aω²"),
     )
     every = np.linspace(0, 1, 101)
     drifts.plot(every, AMPLITUDE * SHAKING * np.sin(np.pi / 2 * every), label="Aω sin(πF/2μmg)")

@@ -44,7 +44,7 @@ def shake(hoop: str, q: str, **body: Any) -> Result:
 
 @scenario
 def main(claim: Claims) -> None:
-    identity = within(1e-12, "m/s, N", because="an identity at every state: roundings of terms of size 10")
+    identity = within(1e-12, "m/s, N", because="an identity at every state: rounding errors of terms of about 10")
     off = shake("CircularHoop", "xi", xi_dot_0=0.4, offset=OFFSET)
     parts = CircularHoop.dynamic_field(off["xi"], off["p_xi"], off["beta_dot"], offset=OFFSET)
     rates, total = [off["xi_dot"], off["p_xi_dot"]], np.sum(list(parts.values()), axis=0)
@@ -63,7 +63,7 @@ def main(claim: Claims) -> None:
     claim(text.format("-X_K", "even in Y, beyond that at rest"), (forth + back) / 2 - still, expected["-X_K"], identity)
 
     p_xi = shake("CircularHoop", "xi", xi_dot_0=0.4, offset=0.0)["p_xi"]
-    rounding = "its rate is made of roundings of terms of size 10, which do not add up over 15 s"
+    rounding = "its rate consists of rounding errors of terms of about 10, which do not add up over 15 s"
     centred = "circle about its centre: -X_K = 0 and a' = 0, so that p_ξ is constant"
     claim(centred, p_xi, p_xi[0], within(1e-12, "kg.m/s", because=rounding))
 

@@ -42,10 +42,10 @@ def main(claim: Claims) -> None:
         exact = Satellite.exact(np.linspace(0, 150, 1500), **start(H / MOMENTS))
         body.plot(*(exact[name] * J / 10 for name, J in zip(RATES, MOMENTS, strict=True)), color="grey", linewidth=0.4)
 
-    steady = within(1e-10, because=f"solver tolerance {TOLERANCE:g}, amplification below 100 over {STOP:g} s")
+    steady = within(1e-10, because=f"solver tolerance {TOLERANCE:g}, amplified less than 100-fold over {STOP:g} s")
     # How near the axis it comes back, ε, follows from ε² = a difference of energies: an error over ε².
-    near = within(10 * TOLERANCE / 1e-3**2, because="10 x solver tolerance / (1e-3, distance from the axis)²")
-    state = within(1e-13, "kg.m2/s", because="H is a state without a rate: roundings of 12 kg.m2/s")
+    near = within(10 * TOLERANCE / 1e-3**2, because="10 times tolerance, over the squared distance 1e-3 to the axis")
+    state = within(1e-13, "kg.m2/s", because="H is a state whose rate is 0: rounding errors of 12 kg.m2/s")
     for axis, omega in STARTS.items():
         run = simulate("Satellite", stop_time=STOP, step_size=0.1, tolerance=TOLERANCE, **start(omega))
         exact = Satellite.exact(run.time, **start(omega))

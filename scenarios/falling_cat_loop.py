@@ -63,14 +63,14 @@ def main(claim: Claims) -> None:
     loop = quad(turn_rate, 0, FALL, args=(np.pi / 2,), epsabs=1e-12)[0]
     errors = [abs(fall(np.pi / 2, steps)["phi"][-1] - loop) for steps in STEPS]
     fine, flat = fall(np.pi / 2, 100), fall(0.0, 100)
-    sixth = within(0.3, because="terms of higher order at 8 to 24 points")
+    sixth = within(0.3, because="terms of higher order in H, at 8 to 24 points a loop")
     claim.order("order 6", 1 / STEPS, errors, 6, sixth)
-    solver = within(1e-9, "rad", because="(2π/100)⁶/720 of 1 rad, tolerance 1e-12")
+    solver = within(1e-9, "rad", because="error of interpolating σ, (2π/100)⁶/720 times 1 rad; solver tolerance 1e-12")
     claim("turn after the loop", fine["phi"][-1], loop, solver)
     claim("turn on a path that is retraced", flat["phi"][-1], 0.0, solver)
-    parabola = within(1e-12, "m", because="a parabola: rounding")
+    parabola = within(1e-12, "m", because="a parabola is integrated exactly up to rounding")
     claim("it falls freely", fine["com_z"], -9.81 / 2 * fine.time**2, parabola)
-    constant = within(1e-12, "kg.m2/s", because="p_φ is constant: rounding")
+    constant = within(1e-12, "kg.m2/s", because="p_φ is constant up to rounding")
     claim("angular momentum stays 0", fine["angular_momentum"], 0.0, constant)
 
     turn, convergence = panels(

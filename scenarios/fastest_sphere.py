@@ -57,14 +57,14 @@ def main(claim: Claims) -> None:
     arcs = motion.sigma((edges[1:] + edges[:-1]) / 2)
     torques = -np.sign([arcs[f"wheel_{k}_ddot"] for k in AXES]).T
     shot: Any = root(left, [*np.diff(edges), *np.zeros(6)], args=(torques,), tol=1e-13)
-    meshes = within(1e-9, "s", because="instants are unknowns: arcs are smooth, of tenth order")
+    meshes = within(1e-9, "s", because="the switching times are unknowns, so arcs are smooth and of tenth order")
     claim("the least time, by shooting", motion.duration, shot.x[:6].sum(), meshes)
     claim("two meshes agree", motion.duration, finer.duration, meshes)
-    digits = within(0, because="digits are counted, the next ones are 83")
+    digits = within(0, because="whole digits are compared; the next ones are 83")
     claim("the digits of Bilimoria and Wie", np.floor(1e4 * motion.duration), 32430, digits)
-    claim("five switches", motion.switches.size, 5, within(0, because="a count"))
+    claim("five switches", motion.switches.size, 5, within(0, because="a whole number"))
     claim.below(
-        "it is faster than about one axis", motion.duration, 2 * np.sqrt(np.pi), within(0, "s", because="by 0.3")
+        "it is faster than about one axis", motion.duration, 2 * np.sqrt(np.pi), within(0, "s", because="an inequality")
     )
     claim.verdicts += motion.verify()
     run = motion.replay()

@@ -46,8 +46,8 @@ def duration(theta: float, end: float) -> float:
 @scenario
 def main(claim: Claims) -> None:
     angle, length = panels(("half a swing", "t [s]", "θ [rad]"), ("its length", "t [s]", "l [m]"))
-    closed = within(1e-9, "s", because="instants are unknowns: arcs are smooth, of tenth order")
-    flat = within(1e-6, "rad", because="the duration is flat there: √1e-13")
+    closed = within(1e-9, "s", because="the instants of jumps are unknowns, so arcs are smooth and of tenth order")
+    flat = within(1e-6, "rad", because="the duration is stationary there, so its error 1e-13 is √1e-13 of the angle")
     for end in ENDS:
         goal = {"p_theta": 0, "theta": end}
         bounds = {"length": (SHORT, LONG)}

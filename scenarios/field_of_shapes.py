@@ -63,23 +63,23 @@ def main(claim: Claims) -> None:
     radius = np.sqrt(GROWTH / (1 + (GROWTH / 0.01 - 1) * np.exp(-2 * GROWTH * run.time)))
     spiral = radius * np.exp(1j * TURNING * run.time)
     shape = run["psi_1"] + 1j * run["psi_2"]
-    solved = within(1e-9, "rad", because="100 x solver tolerance 1e-11; the circle attracts")
+    solved = within(1e-9, "rad", because="100 times tolerance 1e-11; errors decay, since the circle attracts")
     claim("shapes follow the integral curve of Y", shape, spiral, solved)
 
     state: Any = {name: run[name] for name in ("phi", "p_phi", "psi_1", "psi_2", "psi_1_dot", "psi_2_dot")}
     D_Y = analysis.dynamic_field(PlanarCat).evaluate(**state)
-    identity = within(1e-12, "rad/s", because="an identity at every state: roundings of terms of size 10")
+    identity = within(1e-12, "rad/s", because="an identity at every state: rounding errors of terms of about 10")
     claim("φ' of the FMU, the third coordinate, is that of D_0 - X_K + H(Y)", D_Y[2], run["phi_dot"], identity)
 
     k = 400  # a state on the way, after two rounds
     later = fall((run["psi_1"][k], run["psi_2"][k]), run["phi"][k], run["phi_dot"][k], 14)
-    curve = within(1e-8, "rad", because="100 x solver tolerance, and the start of the second run to rounding")
+    curve = within(1e-8, "rad", because="100 times the solver tolerance, and the rounding error of the second start")
     claim("from a later state it moves in the same way: no time in D_Y", later["phi"], run["phi"][k:], curve)
 
     r = GROWTH**0.5
     around = fall((r, 0.0), 0.0, float(PlanarCat.turn_rate(r, 0.0, 0.0, r * TURNING)), 3)
     turn = analysis.holonomy(PlanarCat, lambda a: {"psi_1": r * ca.cos(a), "psi_2": r * ca.sin(a)})["phi"]
-    turned = within(1e-9, "rad", because="tolerance 1e-11, not amplified; interpolated σ, 1e-12")
+    turned = within(1e-9, "rad", because="errors at tolerance 1e-11, not amplified, and of σ interpolated, 1e-12")
     text = "on the circle, without angular momentum, a round turns by the holonomy"
     claim(text, np.diff(around["phi"][::200]), turn, turned)
 

@@ -56,7 +56,7 @@ def main(claim: Claims) -> None:
         tolerance=1e-13,
     )
     bob = run["centre_x"] + 1j * run["centre_y"]
-    solver = "two solvers with errors of 1e-13 a step, over 110 swings"
+    solver = "errors of two solvers, 1e-13 a step, over 110 swings"
     exact = spherical_pendulum(run.time)
     claim("motion in a frame that does not turn", bob, exact, within(1e-8, "m", because=solver))
     claim("torque of the floor", run["turn_force"], 0.0, within(1e-9, "N.m", because="rounding of m g l = 2e4 N.m"))
@@ -65,7 +65,7 @@ def main(claim: Claims) -> None:
     ends = np.flatnonzero(np.diff(np.sign(np.diff(np.abs(bob)))) < 0) + 1
     plane, t = np.angle(on_floor[ends] ** 2) / 2, run.time[ends]  # the square is the same at both ends of a swing
     law = -TURN * (1 - 3 / 8 * (AMPLITUDE / LENGTH) ** 2)
-    nearest = "an end is met to half a step h/2, and the angle to Ω h/2 = 5e-6 rad of 0.1 rad"
+    nearest = "the end of a swing is known to h/2, and the angle to Ω h/2 = 5e-6 rad of 0.1 rad"
     claim(
         "rate of the plane, over that of the law", np.polyfit(t, plane, 1)[0] / law, 1.0, within(5e-5, because=nearest)
     )

@@ -37,7 +37,7 @@ def main(claim: Claims) -> None:
         simulate("FreeParticle", stop_time=2.0, step_size=0.02, tolerance=1e-12, friction=eta, **THROW)
         for eta in (0.0, FRICTION)
     )
-    solver = within(1e-10, "m", because="10 x solver tolerance 1e-12 x lengths of 10 m; no amplification")
+    solver = within(1e-10, "m", because="10 times the solver tolerance 1e-12, times lengths of 10 m; not amplified")
     # From x' = v_x, z' = v_z - g t: eliminate the time.
     t = parabola["x"] / THROW["x_dot_0"]
     claim("z(x) of a throw is the parabola", parabola["z"], THROW["z_dot_0"] * t - GRAVITY / 2 * t**2, solver)
@@ -45,10 +45,10 @@ def main(claim: Claims) -> None:
     claim("a throw with friction follows the exponential", damped, exact, solver)
 
     times, slowed = ([fall(height, eta) for height in HEIGHTS] for eta in (0.0, FRICTION))
-    spline = within(1e-10, because="relative; the spline is exact for a parabola")
+    spline = within(1e-10, because="relative error; the spline is exact for a parabola")
     claim("the fall lasts √(2L/g), from 0.1 m to 1 km", times / np.sqrt(2 * HEIGHTS / GRAVITY), 1.0, spline)
     claim.order("exponent of τ'/τ = (L'/L)^(1/2)", HEIGHTS, times, 0.5, spline)
-    sign = within(0.0, because="a sign, no number: at the terminal velocity g/η the exponent is 1")
+    sign = within(0.0, because="an inequality: at the terminal velocity g/η the exponent is 1")
     claim.below("with friction the exponent grows: no similarity", 0.6, slope(HEIGHTS, slowed), sign)
 
     path, law = panels(

@@ -30,7 +30,7 @@ def main(claim: Claims) -> None:
     settings: Any = {"stop_time": 20.0, "tolerance": 1e-12}
     large = simulate("Pendulum", theta_0=3.0, friction=ETA, step_size=0.005, **settings)
     loss = cumulative_simpson(2 * ETA * large["kinetic_energy"], x=large.time, initial=0)
-    simpson = within(2e-7, "J", because="Simpson's rule, (2ωh)⁴/180 = 7e-8 with ω = 6 /s, times a few joule")
+    simpson = within(2e-7, "J", because="error of Simpson's rule: (2ωh)⁴/180 = 7e-8 with ω = 6 /s, times a few joules")
     claim("E(t) + ∫ 2ηT dt = E(0), released near the top", large["energy"] + loss, large["energy"][0], simpson)
     claim("the FMU's own account of the loss is this integral", large["dissipated"], loss, simpson)
     left = large["energy"] - np.min(large["energy"])
@@ -38,10 +38,10 @@ def main(claim: Claims) -> None:
 
     wheel = simulate("Flywheel", angle_dot_0=10.0, friction=ETA, step_size=0.01, **settings)
     running = Flywheel.exact(wheel.time, angle_dot_0=10.0, friction=ETA)
-    angles = within(1e-10, "rad, rad/s", because="10 x tolerance 1e-12 x angles of 25 rad")
+    angles = within(1e-10, "rad, rad/s", because="10 times the solver tolerance 1e-12, times angles of 25 rad")
     claim("a flywheel slows down exponentially", wheel, running, angles)
 
-    why = "relative: θ³/6, 2e-9, and a phase Ωt of 60; tolerance 1e-12 of 1 rad over 1e-4 rad"
+    why = "relative error: θ³/6 of the sine, 2e-9, times a phase Ωt of 60; tolerance 1e-12 over 1e-4 rad"
     for name, eta in REGIMES.items():
         small = simulate("Pendulum", theta_0=SMALL, friction=eta, step_size=0.01, **settings)
         found, exact = small["theta"], Pendulum.small_angle(small.time, theta_0=SMALL, friction=eta)["theta"]

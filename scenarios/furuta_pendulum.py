@@ -17,11 +17,11 @@ TOLERANCE = 1e-11
 def main(claim: Claims) -> None:
     run = simulate("FurutaPendulum", stop_time=5.0, step_size=0.01, tolerance=TOLERANCE)
     exact = FurutaPendulum.exact(run.time)
-    solver = within(1e-7, "rad", because="tolerance 1e-11, amplified up to 1e4 times in 5 s")
+    solver = within(1e-7, "rad", because="errors at solver tolerance 1e-11, amplified up to 1e4 times in 5 s")
     for name, text in (("turn", "arm"), ("swing", "pendulum")):
         claim(f"{text}: the published equations", run[name], exact[name], solver)
     momentum = run["p_turn"]
-    rounding = within(1e-12, "kg.m2/s", because="its rate is 0, term by term")
+    rounding = within(1e-12, "kg.m2/s", because="each term of its rate is 0")
     claim("momentum of the arm is constant", momentum, momentum[0], rounding)
     claim.energy("energy", run, tolerance=TOLERANCE)
     axes = panels(("arm", "t [s]", "φ [rad]"), ("pendulum", "t [s]", "θ [rad]"))

@@ -44,11 +44,11 @@ def main(claim: Claims) -> None:
     values, sigmas = np.array([fit.values[name] for name in TRUTH]), np.sqrt(np.diag(fit.covariance))
     best = least_squares(lambda p: (swinging(p) - measured) / NOISE, truth, jac="3-point", xtol=1e-14, ftol=1e-14)
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
-    same = within(1e-4, because="standard errors; both stop where the sum of squares is flat to 1e-10")
+    same = within(1e-4, because="in standard errors; both fits stop when the sum of squares changes by 1e-10 of itself")
     claim("g and θ_0 are those of least squares over the elliptic functions", values / errors, best.x / errors, same)
-    differences = within(1e-6, because="relative; derivatives of the closed form by differences")
+    differences = within(1e-6, because="relative error; the closed form is differentiated by finite differences")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
-    nearer = within(3.0, because="standard errors: 1 of 200 measurements would be farther away")
+    nearer = within(3.0, because="in standard errors; 1 of 200 measurements would be farther away")
     claim("g and θ_0 are true within their standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
@@ -56,7 +56,7 @@ def main(claim: Claims) -> None:
     run = simulate("Pendulum", stop_time=40.0, step_size=0.02, tolerance=1e-10, **fitted)
     period = np.diff(crossings(run.time, run["theta"], run["theta_dot"], rising=True)).mean()
     gravity = 16 * ellipk(np.sin(fit.values["theta_0"] / 2) ** 2) ** 2 * LENGTH / period**2
-    spline = within(1e-7, "m/s²", because="error of the spline through the crossings, 0.02⁴/384, and the solver's")
+    spline = within(1e-7, "m/s²", because="errors of the spline through the crossings, 0.02⁴/384, and of the solver")
     claim("16 K² l/T² with the period T of the FMU is this g", gravity, fit.values["gravity"], spline)
 
     motion, rest = panels(("measured, fitted", "t [s]", "θ [rad]"), ("what is left", "t [s]", "residual [rad]"))

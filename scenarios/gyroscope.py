@@ -19,7 +19,7 @@ THETA, TOLERANCE = 1.0, 1e-11
 
 @scenario
 def main(claim: Claims) -> None:
-    steady = within(1e-8, "rad", because="tolerance 1e-11 over 50 turns of the nutation")
+    steady = within(1e-8, "rad", because="errors at solver tolerance 1e-11 over 50 periods of nutation")
     (axis,) = panels(("inclination of the rotor", "t [s]", "θ [rad]"), size=(7, 4))
     for rate in (1.0, 3.0):
         spin = Gyroscope.steady_precession(THETA, rate)
@@ -29,7 +29,7 @@ def main(claim: Claims) -> None:
         claim(f"Ω = {rate} rad/s: φ = Ω t", run["precession"], rate * run.time, steady)
         axis.plot(run.time, run["nutation"], label=f"steady, Ω = {rate} rad/s")
     run = simulate("Gyroscope", stop_time=2.0, step_size=0.001, tolerance=TOLERANCE, nutation_0=THETA)
-    constant = within(1e-11, "kg.m2/s", because="no torque acts on either axis: rounding of sums")
+    constant = within(1e-11, "kg.m2/s", because="no torque acts about either axis: rounding errors of sums")
     for name in ("precession", "spin"):
         claim(f"p of the {name} is constant", run[f"p_{name}"], run[f"p_{name}"][0], constant)
     claim.energy("energy", run, tolerance=TOLERANCE)

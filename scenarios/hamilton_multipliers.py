@@ -28,8 +28,8 @@ CASES: Any = {
 @scenario
 def main(claim: Claims) -> None:
     axes = panels(*((f"{case.__name__}: λ by Hamilton's equations", "t [s]", "λ [N, N.m]") for case in CASES))
-    rounding = within(1e-11, because="an identity: roundings of some hundred operations, relative to the largest")
-    counted = within(0.0, because="a count")
+    rounding = within(1e-11, because="an identity: rounding errors of some hundred operations, relative to the largest")
+    counted = within(0.0, because="a whole number")
     for axis, (component, (q, moved, rank)) in zip(axes, CASES.items(), strict=True):
         drives = {
             name: operator("Sinusoid", offset=offset, amplitude=amplitude, angular_frequency=rate)

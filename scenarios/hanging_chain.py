@@ -25,10 +25,10 @@ def main(claim: Claims) -> None:
     start = SMALL * modes.sum(axis=1)
     small = simulate(chain, stop_time=60.0, step_size=STEP, tolerance=1e-13, theta_0=start)
     found = frequencies(np.linalg.solve(modes, small["theta"].T), STEP)
-    zeros = within(1e-6, "rad/s", because="(Nθ)², 1e-8, and tolerance 1e-13 over 1e-5 rad, both over h sin Ωh = 0.01")
+    zeros = within(1e-6, "rad/s", because="(Nθ)² = 1e-8, and tolerance 1e-13 over 1e-5 rad, over h sin Ωh = 0.01")
     claim(f"{N} modes: Ω² l/g are the zeros of the Laguerre polynomial", found, expected, zeros)
     exact = PendulumChain.small_angles(small.time, theta_0=start)["theta"]
-    linear = within(1e-5, because="relative; (Nθ)² = 1e-8 of a phase Ωt of 1000")
+    linear = within(1e-5, because="relative error (Nθ)² = 1e-8, times a phase Ωt of 1000")
     claim("the motion is their sum", small["theta"] / SMALL, exact / SMALL, linear)
 
     shaken = operator("Sinusoid", amplitude=0.05, angular_frequency=expected[1])

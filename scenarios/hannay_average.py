@@ -54,8 +54,8 @@ def main(claim: Claims) -> None:
         (f"shift after one turn in {T:g} s", "ξ$_0$/ℓ", "shift [m]"),
         ("mean over the beads; limits -4πA/ℓ and 0", "T [s]", "|mean - limit| [m]"),
     )
-    third = "but for the predicted remainder; then (2π/vT)³ times r⁴ and its derivatives, some tens of m⁴"
-    steeper = within(0.25, because="exponent; the factor (v - <a>β')⁻³ makes it up to 6π<a>/vT steeper")
+    third = "beyond the predicted remainder: (2π/vT)³ times r⁴ and its derivatives, some tens of m⁴"
+    steeper = within(0.25, because="error of the exponent: the factor (v - <a>β')⁻³ changes it by up to 6π<a>/vT")
     for (hoop, (component, _, body)), colour in zip(HOOPS.items(), ("tab:blue", "tab:orange"), strict=True):
         turn = component.slow_turn(**body)
         a, r_squared = turn.lever_arm(turn.spread(BEADS)), turn.r_squared(turn.spread(BEADS))
@@ -67,11 +67,11 @@ def main(claim: Claims) -> None:
         text = f"{hoop}, abrupt start: the mean of {BEADS} shifts is -4πA/ℓ = {turn.shift:.4f} m"
         claim(text, abrupt[-1].mean(), turn.shift + turn.abrupt_mean_remainder(T), cubic)
         spread = TURN**2 * np.ptp(r_squared)
-        next_order = within(1.2 * spread / (2 * T), "m", because="(2π)² (<r²> - r²)/(2vT), the next order in the rate")
+        next_order = within(1.2 * spread / (2 * T), "m", because="(2π)² (<r²> - r²)/(2vT), the next term")
         claim(f"{hoop}, abrupt start: a bead is shifted by -2πa(ξ_0)", abrupt[-1], -TURN * a, next_order)
         off = np.abs(smooth[1:].mean(axis=1) - turn.shift)
         claim.order(f"{hoop}, smooth start: the mean differs from -4πA/ℓ by 1/T³", TIMES[1:], off, -3, steeper)
-        why = "order 1/T; its mean over the beads is 0, what remains is of order 1/T²"
+        why = "the term of order 1/T has the mean 0 over the beads; the rest is of order 1/T²"
         text = f"{hoop}, speed on the turning hoop prescribed: no shift on average"
         claim(text, relative[-1].mean(), 0.0, within(spread * turn.length / T**2, "m", because=why))
 

@@ -54,14 +54,14 @@ def main(claim: Claims) -> None:
         ("the remainder is of order 1/T³ (lines: predicted)", "start u", "T³ (shift + 4πA/ℓ) [m s³]"),
         width_ratios=[2, 3],
     )
-    order = within(0.25, because="(v - <a>β')⁻³ makes up for 3 · 2 · 2π<a>/vT, 0.2 at T = 200 s")
-    relative = within(0.03, because="relative error of the next order in 1/T: some 2π<a>/vT = 0.01")
+    order = within(0.25, because="the factor (v - <a>β')⁻³ changes the exponent by 6 · 2π<a>/vT, 0.2 at T = 200 s")
+    relative = within(0.03, because="relative error of the next order in 1/T, about 2π<a>/vT = 0.01")
     T = TIMES[-1]
     for (hoop, turn), colour in zip(TURNS.items(), ("tab:blue", "tab:orange", "tab:green"), strict=True):
         remainders = np.array([smooth(hoop, duration) for duration in TIMES]) - turn.shift
         predicted = turn.smooth_remainder(T, STARTS)
         size = np.max(np.abs(predicted))
-        tenth = within(1.1 * size, "m", because="the predicted remainder of order 1/T³, and a tenth for the next order")
+        tenth = within(1.1 * size, "m", because="the predicted remainder of order 1/T³, and 10 % for the next order")
         claim(f"{hoop}: ξ is shifted by -4πA/ℓ = {turn.shift:.4f} m (T = {T:g} s)", remainders[-1], 0.0, tenth)
         text = f"{hoop}: the remainder is the predicted one, at {STARTS.size} starts"
         claim(text, remainders[-1] / size, predicted / size, relative)
@@ -76,7 +76,7 @@ def main(claim: Claims) -> None:
     shapes.set(aspect="equal")
 
     ellipse, rate = TURNS["EllipticHoop"], TURN / SLOW
-    why = "(2π)² (<r²> - r²)/(2vT), the next order in the rate, and a tenth for the one after that"
+    why = "(2π)² (<r²> - r²)/(2vT), the next term, and a tenth of it for the term after that"
     second = within(1.1 * ellipse.abrupt_bound(SLOW), "m", because=why)
     ramps = {begin: operator("Ramp", rate=rate, start_time=float(begin)) for begin in (0, 1)}
     given, jumping = ([run("EllipticHoop", u, SLOW + b, 1.0, ramp) for u in STARTS] for b, ramp in ramps.items())

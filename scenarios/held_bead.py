@@ -29,13 +29,13 @@ def main(claim: Claims) -> None:
     efforts = 10.0 ** np.arange(1, 5)
     found = [hold("CircularHoop", far_side, step_size=STEP, effort=effort) for effort in efforts]
     pairs = np.array([np.sort(np.log(np.abs(one.floquet_multipliers)) / STEP)[1:3].mean() for one in found]) + GROWTH
-    first = within(0.02, because="the next order is smaller by the weight")
+    first = within(0.02, because="the next term is smaller by the factor 1/effort")
     claim.order("two multipliers are exp(-λH), up to 1/effort", 1 / efforts, np.abs(pairs), 1, first)
     mirror.loglog(efforts, np.abs(pairs), "o-", label="of the pair")
 
     turning = operator("Ramp", rate=RATE)
     free = simulate("CircularHoop", xi_0=np.pi + OFF, xi_dot_0=0.0, beta=turning, stop_time=2.0, step_size=STEP)
-    falls = within(1e-4, because="the sine's next term at 8 mm, and β interpolated")
+    falls = within(1e-4, because="the next term of the sine at 8 mm, and the error of interpolating β")
     claim("the bead falls by cosh λt", (free["xi"][-1] - np.pi) / (OFF * np.cosh(2 * GROWTH)), 1.0, falls)
     standing = hold("CircularHoop", far_side, step_size=STEP)
     claim.verdicts += standing.verify()
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
         return 1.0 * (1.0 <= t < 1.2)
 
     pushed = regulator.simulate(STOP, inputs={"xi_force": push})
-    back = within(1e-4, because="of 8 mm; 6 s at the rate 1.9 after the plan's end")
+    back = within(1e-4, because="exp(-1.9 · 6) of 8 mm: 6 s after the end of the plan, with decay at the rate 1.9")
     claim("pushed on the way, the bead arrives and stays", pushed["CircularHoop.xi"][-1], np.pi, back)
     brought.plot(pushed.time, pushed["CircularHoop.xi"], label="held")
     alone = motion.system().simulate(WAY, STEP, inputs={"CircularHoop.xi_force": push})

@@ -58,24 +58,24 @@ def main(claim: Claims) -> None:
     R = np.array([[EFFORT / sizes[4] ** 2]])
     P = riccati(A, B, Q, R)
     K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    eight = within(1e-8, because="16 digits, less the condition of the eigenvectors and 1e-10 of the linearised step")
+    eight = within(1e-8, because="rounding times the eigenvectors' condition, and 1e-10 of the linearised step")
     claim("gains, against our own Riccati equation", regulator.gains[0, 0] / np.hstack([K @ A, K @ B])[0], 1.0, eight)
     held = np.sort(np.abs(regulator.floquet_multipliers))[::-1]
     closed = np.block([[A, B], [-K @ A, -K @ B]])
     own = np.sort(np.abs(np.linalg.eigvals(closed)))[::-1]
-    claim("multipliers, largest first", held, own, within(1e-6, because="the least are roots of what is left near 0"))
+    claim("multipliers, largest first", held, own, within(1e-6, because="the least are roots of rounding errors"))
 
     run = regulator.simulate(STOP, swing_0=np.pi + TILT)
     torque, angle = run["FurutaPendulum.turn_force"], run["FurutaPendulum.swing"] - np.pi
-    bounded = within(1e-12, "N.m", because="it is cut off there, once at least")
+    bounded = within(1e-12, "N.m", because="the torque is limited to this value, and reaches it at least once")
     claim("the torque reaches its bounds, no more", np.abs(torque).max(), MOST, bounded)
     settled = within(
-        1e-9, "rad", because="the greatest multiplier, 0.95, is 4e-14 after 600 samples; the arm swings out first"
+        1e-9, "rad", because="the largest multiplier, 0.95, is 4e-14 after 600 samples; the arm swings out first"
     )
     claim("from 0.07 rad it comes back upright", angle[-1], 0.0, settled)
     power = np.append(0.0, np.cumsum(torque[:-1] * np.diff(run["FurutaPendulum.turn"])))
     fall = PENDULUM * GRAVITY * ROD * (1 - np.cos(TILT))
-    work = within(1e-9, "J", because="at rest again, but for what the claim before allows; the solver's 1e-11")
+    work = within(1e-9, "J", because="at rest again up to the previous claim's bound; solver tolerance 1e-11")
     claim("the torque's work lifts the pendulum, m g l (1 - cos 0.07)", power[-1], fall, work)
 
     tilt, arm, motor = panels(

@@ -29,7 +29,7 @@ def exchanged(run: Result, power: str) -> float:
 def main(claim: Claims) -> None:
     upright, bounds = {"theta": np.pi, "pivot_x": 0.0}, {"pivot_x_ddot": (-20.0, 20.0)}
     regulator = hold("Pendulum", upright, "pivot_x", step_size=STEP, bounds=bounds)
-    differences = within(1e-5, because="differences of 1e-5 about the equilibrium")
+    differences = within(1e-5, because="error of finite differences of 1e-5 about the equilibrium")
     claim("one step of the FMUs is the predicted matrix", regulator.measured(), regulator.loop, differences)
     radius = np.max(np.abs(regulator.floquet_multipliers))
     inside = within(1 - 1e-3, because="inside the unit circle; without feedback exp(√(g/l) H) = 1.065 is outside")
@@ -37,16 +37,16 @@ def main(claim: Claims) -> None:
 
     held = regulator.simulate(STOP, theta_0=np.pi + TILT)
     theta, pivot = held["Pendulum.theta"], held["Pendulum.pivot_x"]
-    back = within(1e-9, "rad", because="the greatest multiplier, 500 times, is 3e-12; the pivot swings out first")
+    back = within(1e-9, "rad", because="the 500th power of the largest multiplier is 3e-12; the pivot swings out first")
     claim("from 0.2 rad it comes back upright", theta[-1], np.pi, back)
     late = held.time > STOP / 2
     decay = np.abs(regulator.deviation(held)[:, late]).max(axis=0)
     rate = np.polyfit(held.time[late], np.log(decay), 1)[0] * STEP
-    slope = within(0.1 * abs(np.log(radius)), because="two pairs of multipliers of nearly one size beat")
+    slope = within(0.1 * abs(np.log(radius)), because="two pairs of multipliers of nearly equal modulus beat")
     claim("it decays by the largest multiplier in each step", rate, np.log(radius), slope)
 
     lift = 9.81 * (1 - np.cos(TILT))
-    rest = within(1e-6, "J", because="at rest again, but for what the claim before allows")
+    rest = within(1e-6, "J", because="at rest again, up to the bound of an earlier claim")
     claim("feedback does the work that lifts the bob, m g l (1 - cos 0.2)", held["Pendulum.work"][-1], lift, rest)
     shaker = operator("Sinusoid", amplitude=AMPLITUDE, angular_frequency=SHAKING)
     shaken = simulate(
@@ -54,14 +54,14 @@ def main(claim: Claims) -> None:
     )
     spent, vibrated = exchanged(held, "Pendulum.pivot_x_power"), exchanged(shaken, "pivot_z_power")
     average = AMPLITUDE**2 * SHAKING**3 * STOP / np.pi * np.mean(np.cos(shaken["theta"]) ** 2)
-    gravity = within(1e-3, because="(g/a Ω²)² = 7e-4, the weight beside the shaking; ∫ |P| by trapezia")
+    gravity = within(1e-3, because="(g/a Ω²)² = 7e-4, the weight relative to the shaking; error of ∫ |P| by trapezoids")
     claim("vibration exchanges ⟨cos² θ⟩ m a² Ω³ t/π", vibrated / average, 1.0, gravity)
-    claim.below("feedback exchanges less: over vibration", spent / vibrated, 1e-3, within(0.0, because="by a tenth"))
+    claim.below("feedback exchanges less: over vibration", spent / vibrated, 1e-3, within(0.0, because="inequality"))
 
     survived = regulator.survives("theta_force", 0.2, stop_time=STOP)
     weight = 9.81 * np.sin(TILT)
     text = f"it survives a torque of {survived:.3g} N m for 0.2 s, more than that of its weight at 0.2 rad"
-    claim(text, float(survived <= weight), 0.0, within(0.0, because="a count"))
+    claim(text, float(survived <= weight), 0.0, within(0.0, because="inequality"))
 
     angle, moved, work = panels(
         ("upright is 0", "t [s]", "θ - π [rad]"),

@@ -44,7 +44,7 @@ def main(claim: Claims) -> None:
     regulator = hold(plan(PushedSatellite, WHEELS, end=end, duration=10.0, minimize="effort"))
     claim.verdicts += regulator.verify()
     one = np.abs(regulator.floquet_multipliers[:3])
-    claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="integrated so"))
+    claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="integration error"))
 
     held = regulator.simulate(STOP, inputs={"push": push})
     free = simulate(PushedSatellite, q_w_0=0.0, q_z_0=1.0, inputs={"push": push}, stop_time=STOP, step_size=0.25)
@@ -56,7 +56,7 @@ def main(claim: Claims) -> None:
     claim("the satellite is back at its attitude", vector[:, -1], 0.0, within(1e-6, because=why))
     turned = 2 * np.arcsin(np.hypot(free["q_w"], free["q_x"]))
     late = MOMENTUM / J * (STOP - BEGIN - LASTS / 2)
-    small = within(1e-5, "rad", because="the lever turns by 7e-3 rad meanwhile: its cosine")
+    small = within(1e-5, "rad", because="the lever turns by 7e-3 rad meanwhile, and its cosine enters")
     claim("with locked wheels it turns by H t/J_yy", turned[-1], late, small)
 
     way, wheels = panels(

@@ -37,10 +37,10 @@ def main(claim: Claims) -> None:
     alone = replace(held, gains=0 * held.gains)
     claim.verdicts += held.verify()
     M = alone.measured()[:2, :2]
-    differences = within(1e-8, because="differences of 1e-5 on both sides of the motion")
+    differences = within(1e-8, because="error of finite differences of 1e-5 on both sides of the motion")
     claim("Liouville: det M of the FMUs", np.linalg.det(M), np.exp(-FRICTION * ROUND), differences)
     free = np.abs(np.linalg.eigvals(M)).max()
-    claim.below("by the plan alone an error grows: 1/|μ|", 1 / free, 1.0, within(0, because="by 0.5 %, measured"))
+    claim.below("by the plan alone an error grows: 1/|μ|", 1 / free, 1.0, within(0, because="an inequality"))
 
     ends = ROUND * np.arange(1, ROUNDS + 1)
     angle, rounds = panels(
@@ -52,6 +52,6 @@ def main(claim: Claims) -> None:
         angle.plot(run.time, run["Pendulum.theta"], linewidth=0.8, label=label)
         rounds.semilogy(ends / ROUND, np.abs(theta), "o", label=label)
         if regulator is held:
-            small = within(5e-3, because="an error of 1e-3 rad is not quite small, and what shrinks faster is left")
+            small = within(5e-3, because="terms beyond the linear ones at 1e-3 rad, and parts that shrink faster")
             claim("an error shrinks by μ a period", theta[-1] / theta[-2], np.abs(held.floquet_multipliers[0]), small)
     rounds.semilogy(ends / ROUND, OFF * np.abs(held.floquet_multipliers[0]) ** (ends / ROUND), label="predicted")

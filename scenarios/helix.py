@@ -28,7 +28,7 @@ def run(turns: int, **values: Any) -> Result:
 @scenario
 def main(claim: Claims) -> None:
     helix = run(10)
-    why = "10 x solver tolerance 1e-10; no amplification, the equations are linear with constant coefficients"
+    why = "10 times the solver tolerance 1e-10, not amplified: linear equations with constant coefficients"
     printed = {"x": np.sin(helix.time), "y": np.cos(helix.time) - 1, "z": 0.1 * helix.time}  # K, for Ω = 1
     for axis, values in printed.items():
         claim(f"{axis}(t) is that of K Ex. 4", helix[axis], values, within(1e-9, "m", because=why))
@@ -41,7 +41,7 @@ def main(claim: Claims) -> None:
     }
     for name, values in kept.items():
         claim(f"{name} is constant", values, values[0], within(1e-9, because=why))
-    algebra = within(1e-14, "kg.m/s", because="algebra: a few roundings of numbers of size 1")
+    algebra = within(1e-14, "kg.m/s", because="algebra: a few rounding errors of numbers of about 1")
     gauge = np.array([-y, x, 0 * z]) / 2  # Q A for Q = B_z = 1
     claim("canonical minus kinetic momentum is Q B∧r/2", canonical - kinetic, gauge, algebra)
 
@@ -54,7 +54,7 @@ def main(claim: Claims) -> None:
     spiral.plot(*(values[:1001:10] for values in printed.values()), "k.", markersize=3, label="K Ex. 4")
     spiral.set(xticks=[-1, 0, 1], yticks=[-2, -1, 0], zticks=[0, 1, 2, 3])
     drift = ChargedParticle.drift(**ELECTRIC)
-    whole = within(1e-9, "m/s", because="1e-9 m of the trajectory, over 126 s, and a rounding of the instant")
+    whole = within(1e-9, "m/s", because="error of 1e-9 m divided by 126 s, and rounding of the instant")
     for name, charge in CHARGES.items():
         drifting = run(20, **charge, **ELECTRIC)
         # After whole turns of both charges, those of the heavier one taking twice as long, the turning is gone.

@@ -35,7 +35,7 @@ def main(claim: Claims) -> None:
     a, whole = 1 + OFFSET * np.cos(xi), INERTIA + WHEEL + (OFFSET * np.sin(xi)) ** 2
     momentum = a * (run["hoop.xi_dot"] + a * turn) + whole * turn
     energy, handed = (run[f"hoop.{name}"] + run[f"wheel.{name}"] for name in ("energy", "work"))
-    why = f"solver tolerance {TOLERANCE:g} and H⁴/720 of the torque, 20 s, amplification below 100"
+    why = f"solver tolerance {TOLERANCE:g}, and errors H⁴/720 of the torque, amplified less than 100-fold in 20 s"
     claim("angular momentum of both", np.ptp(momentum), 0.0, within(1e-8, "kg.m2/s", because=why))
     claim("energy of both", np.ptp(energy), 0.0, within(1e-8, "J", because=why))
     claim("the work on one is taken from the other", handed, 0.0, within(1e-8, "J", because=why))

@@ -35,13 +35,13 @@ def main(claim: Claims) -> None:
     times = period * np.linspace(0, PERIODS, 40 * PERIODS + 1)
     record = ["theta", "theta_dot", "energy"]
     run = sensitivities("Pendulum", by=list(values), times=times, record=record, start_values=values, tolerance=1e-12)
-    motion = within(1e-8, "rad", because="tolerance 1e-12 x derivatives that have grown to 100")
+    motion = within(1e-8, "rad", because="solver tolerance 1e-12 times derivatives that have grown to 100")
     turned = times * run["theta_dot"] / 2
     claim("g ∂θ/∂g = ½ t θ'", GRAVITY * run.derivative("theta", "gravity"), turned, motion)
     claim("l ∂θ/∂l = -½ t θ'", LENGTH * run.derivative("theta", "length"), -turned, motion)
     claim("∂θ/∂m = 0", MASS * run.derivative("theta", "mass"), 0.0, motion)
     torque = MASS * GRAVITY * LENGTH * np.sin(START)
-    account = within(1e-7, "J", because="tolerance 1e-12 x derivatives that have grown to 100 x torque of 20 N.m")
+    account = within(1e-7, "J", because="tolerance 1e-12 times derivatives of up to 100, times torques of 20 N.m")
     claim("∂E/∂θ_0 = m g l sin θ_0 all the time", run.derivative("energy", "theta_0"), torque, account)
 
     back, n = slice(None, None, 40), np.arange(PERIODS + 1)
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
 
     ends: list[Any] = [values | {"theta_0": START + step} for step in (DIFFERENCE, -DIFFERENCE)]
     more, less = (simulate("Pendulum", times=times, tolerance=1e-12, **start)["theta"] for start in ends)
-    cubic = within(1e-4, "rad", because="h²/6 of the third derivative; the first is 30, the third about 30³")
+    cubic = within(1e-4, "rad", because="h²/6 times the third derivative; the first is 30, the third about 30³")
     claim("∂θ/∂θ_0 is the difference of two runs of the FMU", slope, (more - less) / (2 * DIFFERENCE), cubic)
 
     values_of, by_start = panels(

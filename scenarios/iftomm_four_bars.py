@@ -25,14 +25,14 @@ def main(claim: Claims) -> None:
         mosaic="a;b",
         size=(9.0, 6.5),
     )
-    pole = within(1e-4, "N", because="as the angles, 1e-6 rad, times 10 N, times 10: 1/sin θ at most instants")
+    pole = within(1e-4, "N", because="error 1e-6 rad of the angles, times 10 N, times 10 for 1/sin θ at most instants")
     for windows in (2, 6):
         component = four_bars(windows)
         run = simulate(component, stop_time=STOP, step_size=0.05, tolerance=TOLERANCE)
         exact = component.exact(run.time)["theta"]
         passages = np.count_nonzero(np.diff(np.floor(exact / np.pi)))
         rate = np.max(np.abs(run["theta_0_dot"]))
-        turning = within(10 * TOLERANCE * STOP * rate, "rad", because="10 x tolerance x time x rate")
+        turning = within(10 * TOLERANCE * STOP * rate, "rad", because="10 times tolerance, times duration, times rate")
         text = f"N = {windows}: {passages} singular configurations, all rods turn as one pendulum"
         claim(text, [run[f"theta_{i}"] for i in range(windows + 1)], exact, turning)
         claim.energy(f"N = {windows}: energy", run, tolerance=TOLERANCE)

@@ -32,9 +32,9 @@ def main(claim: Claims) -> None:
     }
     for name, place in found.items():
         relative = (place - exact) / np.maximum(np.abs(exact), 1e-3)
-        claim(f"{name}: error of the benchmark", np.sqrt(np.mean(relative**2)), 0.0, within(1e-3, because="A01"))
+        claim(f"{name}: error of the benchmark", np.sqrt(np.mean(relative**2)), 0.0, within(1e-3, because="set by A01"))
         distance = np.linalg.norm(place - exact, axis=0)
         axis.semilogy(by_angle.time[1:], np.maximum.accumulate(distance)[1:], label=name)
     claim.energy("energy, in both models", by_angle, constrained, tolerance=SETTINGS["tolerance"])
-    rounding = within(1e-14, "m", because="projected after each step: rounding of lengths of order 1")
+    rounding = within(1e-14, "m", because="projected after each step: rounding errors of lengths of about 1 m")
     claim("length of the rod", np.hypot(*found["by its constraints"]), 1.0, rounding)

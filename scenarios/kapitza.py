@@ -60,18 +60,18 @@ def lesson() -> Lesson:
 @scenario
 def main(claim: Claims) -> None:
     traces = np.array([trace_of_fmu(frequency) for frequency in FREQUENCIES])
-    linear = within(1e-6, because="NEAR² = 1e-8, solver and interpolation 1e-10 over NEAR")
+    linear = within(1e-6, because="NEAR² = 1e-8; errors of solver and interpolation, 1e-10, divided by NEAR")
     expected = [trace_of_mathieu(frequency) for frequency in FREQUENCIES]
     claim("trace of the motion over one period, ν = 40 to 100 rad/s", traces, expected, linear)
     leading = Pendulum.upright_from(AMPLITUDE)
     text = f"the upright position becomes stable between 44 and 45 rad/s; leading order says {leading:.2f}"
-    count = within(0.0, because="a count; the traces at 44 and 45 differ from 2 by 4e-3")
+    count = within(0.0, because="a whole number; the traces at 44 and 45 differ from 2 by 4e-3")
     claim(text, np.sum((traces < 2) != (leading < FREQUENCIES)), 0, count)
     slow = np.arccos(traces[-1] / 2) * FREQUENCIES[-1] / (2 * np.pi)
     averaged, _ = Pendulum.upright_well(AMPLITUDE, FREQUENCIES[-1])
     text = f"ν = 100: it swings about the top with √(a²ν²/2l² - g/l) = {averaged:.2f} rad/s"
     next_term = within(
-        AMPLITUDE, because="the averaged potential is the leading term, the next is of relative size a/l"
+        AMPLITUDE, because="the averaged potential is the leading term; the next is smaller by the factor a/l"
     )
     claim(text, slow / averaged, 1.0, next_term)
     standing, falling = shaken(60.0, 20.0, 8000, -0.2), shaken(40.0, 20.0, 8000, -0.01)

@@ -65,9 +65,9 @@ def main(claim: Claims) -> None:
         law.loglog(SEMI_AXES, periods, marker, markersize=9, markerfacecolor="none", label=f"e = {e:g}")
     plane.plot(0, 0, "k+")
     plane.set(aspect="equal")
-    why = "10 x tolerance 1e-11 x κ of 100: a phase of 20, three times as fast at the pericentre"
-    simpson = "Simpson's rule over E, (2π/400)⁴/180 times derivatives of order 1, and the solver's as above"
-    spline = "relative; spline error of the passages, (2π/400)⁴/384, is smaller: y'''' vanishes with y"
+    why = "10 times tolerance 1e-11, amplified 100-fold: a phase of 20, three times as fast at the pericentre"
+    simpson = "errors of Simpson's rule over E, (2π/400)⁴/180 times derivatives of about 1, and of the solver"
+    spline = "relative; the spline's error at the passages, (2π/400)⁴/384, is smaller, since y'''' vanishes with y"
     claim("Kepler's equation, 9 orbits", anomaly, 0.0, within(1e-8, "rad", because=why))
     claim("T² = 4π² a³/μ for a = 0.5, 1, 4 m and e = 0, 0.4, 0.8", thirds, 1.0, within(1e-8, because=spline))
     claim("the eccentricity vector (Laplace, Runge, Lenz) is constant", vector, 0.0, within(1e-8, because=why))

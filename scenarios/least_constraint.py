@@ -24,7 +24,7 @@ def main(claim: Claims) -> None:
     def aside(delta: float) -> np.ndarray:
         return function.evaluate(x_ddot=run["x_ddot"] + delta * (1 - run["z"]), z_ddot=run["z_ddot"] + delta * run["x"])
 
-    squares = within(1e-11, "N2/kg", because="roundings of forces of 60 N, squared")
+    squares = within(1e-11, "N2/kg", because="rounding errors of the squares of forces of 60 N")
     for delta in (1.0, -1.0):
         text = f"Gauss's function is m δ²/2 more for another acceleration along the circle, δ = {delta:g} m/s2"
         claim(text, aside(delta) - aside(0.0), 0.5, squares)

@@ -32,20 +32,20 @@ def main(claim: Claims) -> None:
     swing, symplectic = run(symplectic_steps=STEPS)
     loose, tight = (run(tolerance=tolerance)[1] for tolerance in (1e-8, 1e-10))
     time, tenth = swing.time[1:], symplectic.size // 10
-    periodic = within(1.2, because="both are the largest of a thousand points of one periodic function")
+    periodic = within(1.2, because="both numbers are the largest of a thousand points of one periodic function")
     growth = symplectic[-tenth:].max() / symplectic[:tenth].max()
     claim("energy error of the last 10⁴ s, compared with the first 10⁴ s", growth, 0.0, periodic)
 
     # Of a harmonic oscillator the method changes the frequency by this part, to first order.
     relative = (np.sqrt(9.81) * H / STEPS) ** 6 / 100800
-    why = "ten times (ωh)⁶/100800, the error of a harmonic oscillator, of the energy of the swing"
+    why = "ten times (ωh)⁶/100800, the relative error for a harmonic oscillator, times the energy of the swing"
     energy = within(10 * relative * 9.81 * (1 - np.cos(AMPLITUDE)), "J", because=why)
     claim("energy error of the symplectic solver", symplectic, 0.0, energy)
     phase = 10 * relative * 2 * np.pi * DURATION / Pendulum.period(theta_0=AMPLITUDE)
     exact = Pendulum.exact(swing.time, theta_0=AMPLITUDE)["theta"]
     late = within(phase, "rad", because="ten times the phase error (ωh)⁶/100800 of a harmonic oscillator")
     claim("angle after 10⁵ s against elliptic functions", swing["theta"], exact, late)
-    even = within(0.1, because="each step takes the same; the exponent is fitted over one decade")
+    even = within(0.1, because="each step loses the same energy; the exponent is fitted over one decade")
     drift = "energy error of the error-controlled solver grows as the time"
     claim.order(drift, time[tenth:], loose[tenth:], 1.0, even)
 

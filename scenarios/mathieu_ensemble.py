@@ -46,13 +46,13 @@ def main(claim: Claims) -> None:
     inside = Pendulum.shaken_is_bounded(STIFFNESS[:, None], DEPTH / 2, angular_frequency=2.0)
     near = np.min(np.abs(edges[:, None, :] - STIFFNESS[:, None]), axis=0)
     wrong = (np.abs(trace) < 2) != inside
-    why = "δ of the farthest point on the wrong side; a trace right to 1e-10 moves edges of tongues by 1e-6"
+    why = "δ of the farthest point on the wrong side; an error of 1e-10 of the trace moves edges of tongues by 1e-6"
     text = f"{trace.size} points are stable or not as a_m and b_m say"
     claim(text, np.max(near[wrong], initial=0.0), 0.0, within(1e-6, because=why))
     determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-    products = within(4e-10, because="relative to the products of entries in it, each with the error below")
+    products = within(4e-10, because="relative to products of entries, each with the error of the next claim")
     claim("area in phase space is conserved: the determinant is 1", (determinant - 1) / size**2, 0.0, products)
-    why = "relative; 80 steps of order 8 with frequencies below 4.3 /s, (4.3 π/80)^8 = 7e-7, coefficient 1e-6"
+    why = "relative error of 80 steps of order 8, frequencies below 4.3 /s: (4.3 π/80)^8 = 7e-7 times about 1e-6"
     claim("steps twice as long give the same matrix", error / size, 0.0, within(1e-10, because=why))
 
     (axis,) = panels(("θ'' + (δ - 2ε cos 2t) θ = 0", "δ", "ε"), size=(8, 5))

@@ -46,21 +46,21 @@ def main(claim: Claims) -> None:
     stable = np.abs(traces) < 2
     expected = Pendulum.shaken_is_bounded(STIFFNESS, DEPTH[:, None] / 2, angular_frequency=2.0)
     nearest = within(
-        0.0, because=f"a count; the nearest trace differs from 2 by {np.min(np.abs(np.abs(traces) - 2)):.2g}"
+        0.0, because=f"a whole number; the nearest trace differs from 2 by {np.min(np.abs(np.abs(traces) - 2)):.2g}"
     )
     claim(f"{traces.size} points of the map are stable or not as a_m, b_m say", stable, expected, nearest)
     depths = np.array([0.5, 1.0, 2.0])
     curves = Pendulum.shaken_edges(depths / 2, angular_frequency=2.0, count=3)  # a_0, b_1, a_1, ...
     found = [np.trace(monodromy(curve, depths), axis1=1, axis2=2) for curve in curves]
     signs = [[2 * (-1.0) ** ((i + 1) // 2)] for i in range(len(curves))]
-    linear = "tolerance 1e-12 of angles of 1 rad over NEAR, ten times"
+    linear = "ten times the solver tolerance 1e-12 of angles of 1 rad, divided by NEAR"
     claim("on the curves a_0 ... a_3, b_1 ... b_3 the trace is 2 (-1)^m", found, signs, within(1e-6, because=linear))
     area = (np.linalg.det(matrices) - 1) / np.sum(matrices**2, axis=(1, 2))
     squares = within(1e-6, because=f"relative to the squares of the entries; {linear}")
     claim("the determinant is 1 everywhere (Liouville)", area, 0.0, squares)
     upright = np.count_nonzero((STIFFNESS < 0) & stable)
     text = f"{upright} points with δ < 0 are stable: the pendulum stands on its pivot"
-    claim(text, upright > 0, True, within(0.0, because="a count"))
+    claim(text, upright > 0, True, within(0.0, because="true or false"))
 
     (axis,) = panels(("θ'' + (δ - 2ε cos 2t) θ = 0", "δ", "ε"), size=(8, 5))
     growth = np.arccosh(np.maximum(np.abs(traces) / 2, 1)) / PERIOD

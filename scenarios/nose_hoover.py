@@ -18,10 +18,10 @@ TOLERANCE, LONG = 1e-11, 2000.0
 def main(claim: Claims) -> None:
     run = simulate("NoseHooverOscillator", stop_time=LONG, step_size=0.05, tolerance=TOLERANCE, q_0=0.0, q_dot_0=5.0)
     extended = run["extended_energy"]
-    scale = within(10 * TOLERANCE * run["energy"].max() * LONG, "J", because="10 x tolerance x energy scale x time")
+    scale = within(10 * TOLERANCE * run["energy"].max() * LONG, "J", because="10 times tolerance x energy x duration")
     claim(f"the extended energy is constant over {LONG:g} s of chaotic motion", extended, extended[0], scale)
     mean = np.trapezoid(2 * run["kinetic_energy"], run.time) / LONG
-    ends = within(1e-3, "J", because="trapezoids of 0.05 s: their error h²/12 (m q'²)'' averages out to the ends")
+    ends = within(1e-3, "J", because="error h²/12 (m q'²)'' of trapezoids, h = 0.05 s; its integral is small")
     rest = (run["xi"][-1] - run["xi"][0]) / LONG
     claim("the mean of m q'² is k_B T + Q Δξ/τ, so k_B T in the end", mean, 1 + rest, ends)
 

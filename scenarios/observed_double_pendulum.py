@@ -49,14 +49,14 @@ def main(claim: Claims) -> None:
     result = run.result
 
     late = (result.time > STOP / 3) & (result.time < STOP)  # after the tilt of the start; the last noise is none
-    independent = within(0.25, because="an error lasts 20 samples: 50 are independent, 1/√(2 · 50), twice and a half")
+    independent = within(0.25, because="errors last 20 samples, so 50 are independent: 2.5 times 1/√(2 · 50)")
     for name in observer.outputs:
         off = (result[f"{part}.{name}"] - result[f"{mechanism}.{name}"])[late]
         claim(f"error of {name} over its standard deviation", np.std(off) / expected[name], 1.0, independent)
     seen = np.std((result[f"{mechanism}.theta_1"] + result[f"{part}.theta_1_noise"] - result[f"{part}.theta_1"])[late])
     half = within(0.0, because="an inequality")
     claim.below("estimates are twice as accurate as measured angles", expected["theta_1"] / seen, 0.5, half)
-    upright = within(0.05, "rad", because="ten times what the noise moves, a quarter of where it cannot be held")
+    upright = within(0.05, "rad", because="ten times what noise causes; from four times that it cannot be held")
     claim("it stays upright", result[f"{mechanism}.theta_2"][late], np.pi, upright)
 
     angle, momentum, moved = panels(

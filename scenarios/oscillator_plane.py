@@ -30,7 +30,7 @@ def main(claim: Claims) -> None:
     planar, polar = run("PlanarOscillator", 0.02, CARTESIAN), run("PolarOscillator", 0.02, POLAR)
     r, phi = polar["r"], polar["phi"]
     x, y = r * np.cos(phi), r * np.sin(phi)
-    why = f"10 x tolerance {TOLERANCE:g} x κ: a phase Ωt of 60 and (r_max/r_min)² = 4 amount to 100"
+    why = f"10 times tolerance {TOLERANCE:g}, amplified 100-fold: a phase Ωt of 60 and (r_max/r_min)² = 4"
     place = within(1e-9, "m", because=why)
     exact = PlanarOscillator.exact(planar.time, **CARTESIAN)
     claim("x, y: the closed form", planar, exact, place, names=("x", "y"))
@@ -42,7 +42,7 @@ def main(claim: Claims) -> None:
     claim(text, momenta, MOMENT, within(1e-9, "kg.m2/s", because=why))
     half_periods = np.diff(run("PolarOscillator", np.pi / OMEGA, POLAR)["phi"])
     claim("φ grows by π in each half period", half_periods, np.pi, within(1e-9, "rad", because=why))
-    identity = within(1e-13, "m/s2", because="an identity at each instant: roundings of accelerations of 8 m/s2")
+    identity = within(1e-13, "m/s2", because="an identity at each instant: rounding errors of accelerations of 8 m/s2")
     missing = polar["r_ddot"] + OMEGA**2 * r
     claim("r'' - p_φ²/(m² r³) + Ω² r = 0", missing, (polar["p_phi"] / 0.8) ** 2 / r**3, identity)
     assert np.max(np.abs(missing)) > 1, "K eq. 43 as printed is far from satisfied"

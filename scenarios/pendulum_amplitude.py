@@ -20,8 +20,8 @@ AMPLITUDES = {"small": 0.2, "large": 3.0}  # [rad]
 
 @scenario
 def main(claim: Claims) -> None:
-    solver = within(1e-7, "rad", because="amplification below 100 over 60 s, tolerance 1e-10")
-    spline = within(1e-7, "s", because="spline error of the crossings, 0.02⁴/384, and the solver's")
+    solver = within(1e-7, "rad", because="errors at solver tolerance 1e-10, amplified less than 100-fold over 60 s")
+    spline = within(1e-7, "s", because="errors of the spline at the crossings, 0.02⁴/384, and of the solver")
     axes = panels(*((f"θ(0) = {amplitude} rad", "Ωt", "θ [rad]") for amplitude in AMPLITUDES.values()))
     for axis, (name, amplitude) in zip(axes, AMPLITUDES.items(), strict=True):
         start: Any = {"theta_0": amplitude, "gravity": 1.0}  # Ω = 1 rad/s
@@ -39,5 +39,5 @@ def main(claim: Claims) -> None:
     # K Ex. 3, condition "θ ≪ 1": the relative period error of the linear pendulum is θ²/16 + O(θ⁴).
     square = AMPLITUDES["small"] ** 2
     stretch = Pendulum.period(theta_0=AMPLITUDES["small"], gravity=1.0) / (2 * np.pi) - 1
-    series = within(square, because="next term of the series, 11 θ²/192 relative")
+    series = within(square, because="the next term of the series, relative to the first: 11 θ²/192")
     claim("small amplitude: the linear period is short by θ²/16", stretch / (square / 16), 1.0, series)

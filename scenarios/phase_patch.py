@@ -33,8 +33,8 @@ def main(claim: Claims) -> None:
     patch, law = panels(
         ("a patch of phase space on its way", "x$_1$", "x$_2$"), ("area of the patch", "t [s]", "π ρ² e$^{-ηt}$")
     )
-    fourier = "relative; the rim's Fourier series ends at k = 64, tolerance 1e-10, amplification below 100"
-    variational = within(1e-9, because="integration at 1e-11, entries of J below 10")
+    fourier = "relative; the rim's Fourier series ends at k = 64; tolerance 1e-10, amplified less than 100-fold"
+    variational = within(1e-9, because="error of integration at tolerance 1e-11, for entries of J below 10")
     time = np.linspace(0, DURATION, 81)
     for eta, colour in ((0.0, "tab:blue"), (0.15, "tab:red")):
         rim = carried(eta)

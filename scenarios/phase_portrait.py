@@ -22,20 +22,20 @@ def main(claim: Claims) -> None:
         for x in (FAR, NEAR)
     )
     field = analysis.phase_velocity(Pendulum).evaluate(theta=far["theta"], p_theta=far["p_theta"], gravity=1.0)
-    twice = within(1e-13, "1/s, 1/s2", because="two evaluations of the same equations at the same states: roundings")
+    twice = within(1e-13, "1/s, 1/s2", because="rounding errors of two evaluations of the equations at equal states")
     claim("the FMU moves along the velocity field V(X)", [far["theta_dot"], far["theta_ddot"]], field, twice)
     claim(
         "V is that of K eq. 104, 105",
         field,
         [far["p_theta"], -np.sin(far["theta"])],
-        within(1e-13, because="roundings"),
+        within(1e-13, because="rounding errors"),
     )
     sample = 2 * 0.05**2 * np.sin(8 * np.pi - FAR) / 2 + 1e-7
-    beside = within(sample, "rad", because="the turning points lie up to half a step beside a sample, θ'' (h/2)²/2")
+    beside = within(sample, "rad", because="turning points are up to half a step away from a sample: θ'' (h/2)²/2")
     off = abs(max(far["theta"]) - (8 * np.pi - FAR)) + abs(min(far["theta"]) - FAR)
     claim("released at 10 it swings about 4π, between 10 and 8π - 10", off, 0.0, beside)
     integrals = [run["p_theta"] ** 2 / 2 - np.cos(run["theta"]) for run in (far, near)]
-    solver = within(40 * 10 * 1e-10, because="10 x tolerance 1e-10 x time")
+    solver = within(40 * 10 * 1e-10, because="10 times the solver tolerance 1e-10, times the duration")
     text = "orbits are closed: x_2²/2 - cos x_1 is constant on both"
     claim(text, integrals, [[-np.cos(FAR)], [-np.cos(NEAR)]], solver)
 

@@ -42,9 +42,9 @@ def determinant(points: NDArray, friction: float) -> NDArray:
 
 @scenario
 def main(claim: Claims) -> None:
-    why = "polygon: (2π/20000)²/6 = 2e-8, times the stretching, 25 at most, and its square where it bends"
+    why = "error of the polygon: (2π/20000)²/6 = 2e-8 times the stretching (up to 25), and its square at bends"
     polygon = within(1e-5, because=why)
-    why = "differences: (1e-5)² times third derivatives and stretching, 1e5 at most; roundings 1e-13/1e-5"
+    why = "finite differences: (1e-5)² times third derivatives and stretching, up to 1e5; rounding 1e-13/1e-5"
     differences = within(1e-4, because=why)
     frictions = (0.0, 0.02)
     axes = panels(*((f"η = {eta} /s", "θ [rad]", "p$_θ$/(m l² Ω)") for eta in frictions), size=(13, 4.5), sharey=True)

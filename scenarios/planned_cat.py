@@ -76,12 +76,12 @@ def main(claim: Claims) -> None:
         warm: Any = {"guess": motions[-1]} if motions else {"tries": 3}
         motions.append(plan("PlanarCat", end={"phi": TURN / k}, duration=FALL / k, **warm, **cat))
     costs = np.array([motion.cost for motion in motions])
-    shooting = within(1e-9, because="relative; the shooting integrates at 1e-13")
+    shooting = within(1e-9, because="relative error; the shooting has tolerance 1e-13")
     claim("each loop costs what Wong's equations say", costs / [shot(motion) for motion in motions], 1.0, shooting)
     claim.verdicts += motions[0].verify()
     dido = 2 * np.pi * abs(TURN) / (FALL * field())
     claim.below("one loop costs less than two", costs[0], 2 * costs[1], within(0, "J.s", because="an inequality"))
-    next_term = within(0.05, because="it is smaller by Δφ/k")
+    next_term = within(0.05, because="the next term is smaller by Δφ/k")
     claim.order("k loops cost k 2π |Δφ|/(T B), up to a term in Δφ/k", ROUNDS, costs / dido - 1, -1, next_term)
     for k, motion in zip(ROUNDS, motions, strict=True):
         sigma = motion.sigma(np.linspace(0, motion.duration, 200))

@@ -58,7 +58,7 @@ def main(claim: Claims) -> None:
         mosaic="ab;cc",
         size=(9.0, 7.0),
     )
-    order = within(0.05, because="the next term is smaller by (D/l)²")
+    order = within(0.05, because="the next term is smaller by the factor (D/l)²")
     ways = LENGTH * np.array([0.1, 0.2, 0.4])
     linear = np.linalg.inv(gramian())[0, 0]
     plans = [moved(way, duration=DURATION, minimize="pivot_x_ddot**2") for way in ways]

@@ -44,12 +44,12 @@ def main(claim: Claims) -> None:
     motion = plan("EllipticHoop", start=start, end=END, duration=DURATION, minimize="beta_ddot**2", **ellipse)
     prices = np.array([motion.multipliers[name] for name in END])
     shot: Any = root(lambda p: back(p, DURATION)[:3] - [0, 0, OMEGA], prices, tol=1e-14)
-    shooting = within(1e-9, because="relative; the mesh is of tenth order, the shooting integrates at 1e-13")
+    shooting = within(1e-9, because="relative error; the mesh is of tenth order, the shooting has tolerance 1e-13")
     claim("the least cost, by shooting", -back(shot.x, DURATION)[3] / motion.cost, 1.0, shooting)
     claim("the multipliers are the costates at the end", prices / shot.x, 1.0, shooting)
     run = motion.replay()
     exact = back(shot.x, DURATION - run.time[::-1])[:, ::-1]
-    replay = within(1e-8, because="what the mesh leaves; solver tolerance 1e-12")
+    replay = within(1e-8, because="error of the mesh, and solver tolerance 1e-12")
     claim("the FMUs move bead and hoop as planned", run, dict(zip(END, exact, strict=False)), replay)
     claim.verdicts += motion.verify()
     for axis, name in ((bead, "u"), (hoop, "beta_dot")):

@@ -79,7 +79,7 @@ def main(claim: Claims) -> None:
     walls = ({"bend": (0.1, 3), "forwards": (least, None)} for least in (None, -BACKWARDS))
     free, stiff = (plan(StiffCat, closed=["bend"], duration=FALL, accuracy=1e-7, bounds=wall, **goal) for wall in walls)
     circle, t = SpatialCat.bend_for(np.pi), np.linspace(0, FALL, 200)
-    mesh = within(1e-9, because="relative; of tenth order in the interval, the shooting integrates at 1e-13")
+    mesh = within(1e-9, because="relative; the mesh is of tenth order, the shooting has tolerance 1e-13")
     claim("least cost: 4π² G/T of the constant bend", free.cost * FALL / (4 * np.pi**2 * metric(circle)[1]), 1.0, mesh)
     claim("... with the bend of Rademaker and ter Braak", free.sigma(t)["bend"] / circle, 1.0, mesh)
     claim("with a limited bend: by shooting along the bound", stiff.cost / shot(stiff), 1.0, mesh)

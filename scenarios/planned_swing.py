@@ -49,12 +49,12 @@ def main(claim: Claims) -> None:
     )
     sudden = swung("Pendulum", "length")
     run = sudden.replay()
-    mesh = within(1e-9, because="the instant of the switch is an unknown; arcs are smooth, of tenth order")
+    mesh = within(1e-9, because="the instant of the switch is an unknown, so arcs are smooth and of tenth order")
     ratio = (1 - np.cos(run["theta"][-1])) / (1 - np.cos(AMPLITUDE))
     claim("1 - cos θ grows by (l_max/l_min)³", ratio, RATIO, mesh)
-    claim("the length switches once", sudden.switches.size, 1, within(0, because="a count"))
+    claim("the length switches once", sudden.switches.size, 1, within(0, because="a whole number"))
     at_switch = run["theta"][np.searchsorted(run.time, sudden.switches[0])]
-    claim("... at the lowest point", at_switch, 0.0, within(1e-7, "rad", because="the cost is flat there: √1e-14"))
+    claim("... at the lowest point", at_switch, 0.0, within(1e-7, "rad", because="the cost is stationary: √1e-14"))
 
     bodies: list[Any] = [{"start": {"length": LONG}, "bounds": {"length_ddot": (-A, A)}} for A in BODIES]
     smooth = [swung("Pendulum", "length", **body) for body in bodies]

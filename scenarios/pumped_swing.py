@@ -43,7 +43,7 @@ def lesson() -> Lesson:
 def main(claim: Claims) -> None:
     run = pumped(0.05)
     exact = Pendulum.pumped(run.time, theta_0=0.05, amplitude=DEPTH, angular_frequency=2 * OMEGA)["theta"]
-    growing = within(1e-7, "rad", because="σ interpolated over 0.02 s (error 1e-13 a step), amplified about 100-fold")
+    growing = within(1e-7, "rad", because="error of σ interpolated over 0.02 s, 1e-13 a step, amplified about 100-fold")
     claim("θ(t) against a 1e-13 integration", run["theta"], exact, growing)
     claim.energy("the energy gained is the operator's work", run, tolerance=TOLERANCE)
 
@@ -51,7 +51,7 @@ def main(claim: Claims) -> None:
     small, instants = pumped(1e-6), 2 * np.pi / OMEGA * np.array([6, 9])
     size = np.interp(instants, small.time, np.hypot(small["theta"], small["p_theta"]))
     rate = np.log(size[1] / size[0]) / np.ptp(instants)
-    leading = within(DEPTH, because="¾ ε Ω_0 is the leading term, the next is of relative size ε")
+    leading = within(DEPTH, because="¾ ε Ω_0 is the leading term; the next term is smaller by the factor ε")
     claim(f"small swings: growth rate {rate:.4f} /s is ¾ ε Ω_0", rate / Pendulum.pumping_rate(DEPTH), 1.0, leading)
 
     title = "pumped at twice the swing's frequency"

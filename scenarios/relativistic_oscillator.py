@@ -55,7 +55,7 @@ def main(claim: Claims) -> None:
     settings: Any = {"tolerance": 1e-12}
     for amplitude, quarter in zip(AMPLITUDES.tolist(), quarters, strict=True):
         run = simulate(RelativisticOscillator, x_0=amplitude, stop_time=5 * quarter, step_size=quarter / 40, **settings)
-        reason = within(1e-10 * amplitude, "m", because="100 x solver tolerance 1e-12 of the amplitude")
+        reason = within(1e-10 * amplitude, "m", because="100 times the solver tolerance 1e-12 of the amplitude")
         claim(f"amplitude {amplitude:g} m: at 0 after 1, 3, 5 quarters", run["x"][[40, 120, 200]], 0.0, reason)
         motions.plot(run.time, run["x"] / amplitude, label=f"{amplitude:g} m")
     growth.plot(AMPLITUDES, 4 * quarters, "k.", label="quadrature")
@@ -72,9 +72,9 @@ def main(claim: Claims) -> None:
         return [y[1] / np.hypot(1, y[1]), 0.3 * np.sin(2 * t) - y[0]]
 
     y, _ = solve_ivp(rates, (0, 20), start, "DOP853", run.time, rtol=1e-13, atol=1e-13).y
-    shaken = within(1e-9, "m", because="tolerance 1e-12, and inputs of sixth order; errors grow with the time")
+    shaken = within(1e-9, "m", because="errors at tolerance 1e-12 and of inputs of sixth order; they grow with time")
     claim("shaken: x + σ moves by the equation derived by hand", run["x"] + sigma, y, shaken)
-    force = within(1e-9, "N", because="k times the same")
+    force = within(1e-9, "N", because="k times the error of the position")
     claim("the operator's force is the spring's", run["support_force"], sigma - y, force)
-    balance = within(1e-10, "J", because="100 x solver tolerance 1e-12")
+    balance = within(1e-10, "J", because="100 times the solver tolerance 1e-12")
     claim("E(t) - E(0) is the operator's work", run["energy"] - run["energy"][0], run["work"], balance)

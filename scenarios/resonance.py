@@ -52,7 +52,7 @@ def lesson() -> Lesson:
 
 @scenario
 def main(claim: Claims) -> None:
-    curve = within(1e-7, because="transient 1e-9, σ interpolated over 0.05 s, solver tolerance 1e-10 over 125 s")
+    curve = within(1e-7, because="transient 1e-9, errors of interpolating σ over 0.05 s and of the solver over 125 s")
     axes = panels(("amplitude", "ω [rad/s]", "|u$_0$| [m]"), ("phase", "ω [rad/s]", "φ [rad]"))
     fine = np.linspace(0.02, 3.0, 400)
     for damping in (0.5, 1.0, 2.0, 4.0):
@@ -69,9 +69,9 @@ def main(claim: Claims) -> None:
     found = np.sqrt(-tilt / (2 * curvature))
     printed = np.sqrt(1 - 0.5**2 / 4)
     assert abs(found - printed) > 0.02, "K eq. 122 as printed is distinguishable from the measured maximum"
-    vertex = within(1e-6, "rad/s", because="amplitudes to 1e-7, divided by the parabola's curvature of order 1")
+    vertex = within(1e-6, "rad/s", because="errors 1e-7 of amplitudes, divided by the parabola's curvature of about 1")
     claim(f"γ = 0.5: the maximum lies at √(ω_0²-γ²/2) = {expected:.4f} rad/s", found, expected, vertex)
     # K says "γ < 2 ω_0": at γ = 1.7 the amplitude must still rise somewhere.  It falls from the start.
     falling = np.diff(np.abs(response(1.7, (0.1, 0.3, 0.5, 0.7))))
-    sign = within(0.0, "m", because="a sign, no number: it falls by 0.004 m at least from point to point")
+    sign = within(0.0, "m", because="an inequality: it falls by at least 0.004 m from point to point")
     claim.below("γ = 1.7 > √2 ω_0: no resonance, the amplitude only falls", falling, 0.0, sign)

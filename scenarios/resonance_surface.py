@@ -43,15 +43,15 @@ def main(claim: Claims) -> None:
     )
     surface = table["amplitude"].reshape(FREQUENCIES.size, DAMPINGS.size)
     expected = np.transpose([Oscillator.response(FREQUENCIES, damping=damping)[0] for damping in DAMPINGS])
-    why = "transients of 7e-8 m, interpolated support 1e-8, solver tolerance 1e-10 over 140 s"
+    why = "transients of 7e-8 m, error of the interpolated support 1e-8, solver tolerance 1e-10 over 140 s"
     claim(f"{surface.size} amplitudes are those of K eq. 121", surface, expected, within(3e-7, "m", because=why))
     resonant = np.sqrt(2) > DAMPINGS
     ridge = FREQUENCIES[np.argmax(surface, axis=0)][resonant]
     there = [Oscillator.resonance(damping=damping) for damping in DAMPINGS[resonant]]
-    why = "the largest of a row lies next to the maximum, less than one column away"
+    why = "the largest value of a row is less than one column away from the maximum"
     column = within(FREQUENCIES[1] - FREQUENCIES[0], "rad/s", because=why)
     claim("the ridge is at √(ω_0² - γ²/2)", ridge, np.maximum(there, FREQUENCIES[0]), column)
-    rise, sign = np.diff(surface[:, ~resonant], axis=0), within(0.0, "m", because="a sign, no number")
+    rise, sign = np.diff(surface[:, ~resonant], axis=0), within(0.0, "m", because="an inequality")
     claim.below("for γ > √2 ω_0 the amplitude only falls", rise, 0.0, sign)
 
     (axis,) = panels(("K eq. 121, from FMUs", "ω [rad/s]", "γ [1/s]"), size=(6, 4.5))

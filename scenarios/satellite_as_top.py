@@ -47,11 +47,11 @@ def main(claim: Claims) -> None:
     motion = plan("Satellite", end={"attitude": goal}, duration=DURATION, J_wheel=WHEEL, **moments)
     shot: Any = root(lambda L: top(L, DURATION)[1:4] - goal[1:], TOP * ANGLE * AXIS / DURATION, tol=1e-14)
     least = DURATION * np.sum(shot.x**2 / TOP) / 2
-    shooting = within(1e-9, because="relative; the mesh is of tenth order, the shooting integrates at 1e-13")
+    shooting = within(1e-9, because="relative error; the mesh is of tenth order, the shooting has tolerance 1e-13")
     claim("the least cost is that of the top, by shooting", motion.cost / least, 1.0, shooting)
     run = motion.replay()
     exact = top(shot.x, run.time)
-    replay = within(1e-8, because="what the mesh leaves; solver tolerance 1e-12")
+    replay = within(1e-8, because="error of the mesh, and solver tolerance 1e-12")
     claim("the FMUs turn the satellite like the top", [run[name] for name in QUATERNION], exact[:4], replay)
     one_axis = ANGLE**2 * np.sum(TOP * AXIS**2) / (2 * DURATION)
     claim.below(

@@ -42,7 +42,7 @@ def main(claim: Claims) -> None:
     closed = np.sqrt(angles * (4 * np.pi - angles))
     for intervals, tolerance in ((10, 1e-8), (20, 1e-11)):
         found = length(np.array([turned(angle, intervals).cost for angle in angles]))
-        mesh = within(tolerance, because="of tenth order in the interval; then IPOPT's tolerance")
+        mesh = within(tolerance, because="the mesh is of tenth order in the interval, down to IPOPT's tolerance")
         claim(f"√(α (4π - α)) on a mesh of {intervals} intervals", found / closed, 1.0, mesh)
     alpha = np.linspace(0, np.pi, 100)
     known.plot(alpha, np.sqrt(alpha * (4 * np.pi - alpha)), label="√(α (4π - α))")
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     half = turned(np.pi)
     claim.verdicts += half.verify()
     run = half.replay()
-    replay = within(1e-8, because="what the mesh leaves; solver tolerance 1e-12")
+    replay = within(1e-8, because="error of the mesh, and solver tolerance 1e-12")
     w, x, y, z = (run[name] for name in ("q_w", "q_x", "q_y", "q_z"))
     claim("the FMUs turn it by 180°", np.array([w[-1], x[-1], y[-1], abs(z[-1])]), np.array([0, 0, 0, 1.0]), replay)
     way.plot(1 - 2 * (y**2 + z**2), 2 * (x * y + w * z), 2 * (x * z - w * y))

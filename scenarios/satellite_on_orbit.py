@@ -48,15 +48,15 @@ def main(claim: Claims) -> None:
     orbit = simulate("KeplerOrbit", **ORBIT, **SETTINGS)
     nadir, looking = (simulate("Satellite", **turning, **wheels, **SETTINGS) for wheels in ({}, looks))
     position = np.transpose([orbit["x"], orbit["y"], 0 * orbit.time]) / 2.0
-    why = "solver tolerance 1e-11 over one orbit, σ interpolated over a 800th of it"
+    why = "errors at solver tolerance 1e-11 over one orbit, and of σ interpolated over 1/800 of it"
     seen = np.einsum("tji,tj->ti", attitude(nadir), position)  # direction of the planet in the axes of the satellite
     claim("the planet stays on the axis of the camera", seen, [1, 0, 0], within(1e-8, because=why))
     steered = Satellite.steered(looking.time, wheels=wheel_rates, **BODY)
-    less = within(1e-7, because=f"{why}, where a look begins less well")
+    less = within(1e-7, because=f"{why}; larger where the satellite begins to look aside")
     claim("attitude with three wheels", attitude(looking), attitude(steered), less)
     spin = J * np.transpose([looking[f"omega_{c}"] for c in "xyz"])
     wheels = J_WHEEL * np.transpose([looking[f"wheel_{k}_dot"] for k in (1, 2, 3)])
-    claim("J ω + J_w φ' stays 0", spin, -wheels, within(1e-10, "kg.m2/s", because="rounding, ω from p"))
+    claim("J ω + J_w φ' stays 0", spin, -wheels, within(1e-10, "kg.m2/s", because="rounding errors of ω from p"))
     closed = np.hypot(orbit["x"][-1] - 2.0, orbit["y"][-1])
     claim("the orbit closes after Kepler's period", closed, 0.0, within(1e-8, "m", because=why))
 

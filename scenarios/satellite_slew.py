@@ -40,8 +40,8 @@ def main(claim: Claims) -> None:
         ("... one path", "angle of the wheel [rad]", "angle of the satellite [deg]"),
         ("where (1, 1, 1) of the body points", "x", "y", "z"),
     )
-    why = f"solver tolerance {TOLERANCE:g}, σ interpolated over 0.02 s: 1e-12; nothing is amplified"
-    solver, torque = within(1e-9, because=why), within(1e-8, "N.m", because=f"{why}; times φ'' = 20 /s2")
+    why = f"errors at solver tolerance {TOLERANCE:g} and of σ interpolated over 0.02 s, 1e-12; not amplified"
+    solver, torque = within(1e-9, because=why), within(1e-8, "N.m", because=f"{why}; times accelerations φ'' of 20 /s2")
     runs = []
     for i, (name, pace) in enumerate(PACES.items()):
         step: Any = {"end_value": TURN, "start_time": 1.0, **pace}

@@ -18,7 +18,7 @@ AXES = ("shoulder", "elbow", "turn")
 @scenario
 def main(claim: Claims) -> None:
     rounding = within(
-        1e-10, because="roundings of the inverse of a matrix of condition 1e3, relative to its largest entry"
+        1e-10, because="rounding errors of the inverse of a matrix of condition 1e3, relative to its largest entry"
     )
     (axis,) = panels(
         ("acceleration of each axis by its own torque", "elbow [rad]", "M$^{-1}$ [1/(kg m²)]"), size=(7, 4)

@@ -27,9 +27,9 @@ SYSTEMS: Any = {
 
 @scenario
 def main(claim: Claims) -> None:
-    euler = within(1e-12, because="Euler's theorem at random states: roundings")
-    solver = within(1e-10, because="relative to the size; tolerance 1e-12, no more than two revolutions")
-    why = f"relative; quadrature of fourth order, (2·2π/{STEPS})⁴/720 at two and more turns a second"
+    euler = within(1e-12, because="rounding errors of Euler's theorem at random states")
+    solver = within(1e-10, because="errors relative to the size, at tolerance 1e-12, over at most two revolutions")
+    why = f"relative error of quadrature of fourth order, (2·2π/{STEPS})⁴/720 at two and more turns a second"
     axes = panels(*((f"{component.__name__}: h = {h}", "x [m]", "y, z [m]") for component, (h, _) in SYSTEMS.items()))
     for axis, (component, (h, start)) in zip(axes, SYSTEMS.items(), strict=True):
         name, similarity = component.__name__, analysis.similarity(component)

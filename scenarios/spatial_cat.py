@@ -46,7 +46,7 @@ def main(claim: Claims) -> None:
         ("the bend once round", "bend κ [deg]", "turn Φ [deg]"),
         ("the plane of the bend turns about a + b", "t [s]", "angle [deg]"),
     )
-    why = f"solver tolerance {TOLERANCE:g}; σ interpolated over 1/400 of the turn: 1e-11"
+    why = f"errors at solver tolerance {TOLERANCE:g}, and of σ interpolated over 1/400 of the turn, 1e-11"
     solver = within(1e-9, because=why)
     runs, fixed, fallen = [], [], []
     for bend in BENDS:

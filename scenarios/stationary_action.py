@@ -58,10 +58,10 @@ def main(claim: Claims) -> None:
         ("before the conjugate point: ωT = 0.75 π", "ε [m]", "S [J.s]"),
         ("beyond the conjugate point: ωT = 1.6 π", "ε [m]", "S [J.s]"),
     )
-    first = within(1e-8, "J.s", because="interpolation of the samples, (nπ/200)⁴/720 times an action of 1 J.s")
-    second = within(1e-6, "J.s", because="interpolation of the sine, (nπ/200)⁴/720 times a δ²S of 30 J.s")
-    spline = within(1e-7, "m", because="spline of fourth order, (ω h)⁴/384 = 2e-8, amplified by 1/sin ωT < 2")
-    count = within(0.0, because="a count")
+    first = within(1e-8, "J.s", because="error of interpolating the samples: (nπ/200)⁴/720 times an action of 1 J.s")
+    second = within(1e-6, "J.s", because="error of interpolating the sine: (nπ/200)⁴/720 times a δ²S of 30 J.s")
+    spline = within(1e-7, "m", because="error of the spline, (ω h)⁴/384 = 2e-8, amplified by 1/sin ωT < 2")
+    count = within(0.0, because="a whole number")
     modes, still = np.array([1, 2, 3]), {"x": np.zeros(201), "x_dot": np.zeros(201)}
     for axis, (label, T) in zip(axes, TIMES.items(), strict=True):
         t, x = motion(T)

@@ -21,8 +21,8 @@ RECORD = ("x", "z", "x_dot", "z_dot", "slack", "slack_force", "impact_loss", "en
 @scenario
 def main(claim: Claims) -> None:
     path, force = panels(("path", "x [m]", "z [m]"), ("the string pulls or is slack", "t [s]", "force [N]"))
-    metres = within(1e-9, "m", because="solver tolerance 1e-13, amplified a hundred times by flights and tugs")
-    joules = within(1e-9, "J", because="the same, of 20 J")
+    metres = within(1e-9, "m", because="errors at solver tolerance 1e-13, amplified 100-fold by flights and tugs")
+    joules = within(1e-9, "J", because="the same errors, for energies of 20 J")
     for speed in (5.0, 6.0, 6.6):
         start: Any = {"x_0": 0.0, "z_0": -1.0, "x_dot_0": speed}
         run = simulate("StringPendulum", stop_time=2.0, step_size=0.005, tolerance=1e-13, record=RECORD, **start)
@@ -38,10 +38,10 @@ def main(claim: Claims) -> None:
             f"v = {speed}: slack at {height:.4f} m",
             run["z"][first] >= height and run["z"][first - 1] <= height,
             True,
-            within(0.0, because="a comparison of two communication points"),
+            within(0.0, because="an inequality between two communication points"),
         )
         speed_there = np.hypot(run["x_dot"][first], run["z_dot"][first])
-        energy = within(1e-9, "m2/s2", because="energy of the flight")
+        energy = within(1e-9, "m2/s2", because="the same errors, for the energy of the flight")
         claim(
             f"v = {speed}: it leaves with √(gh)",
             speed_there**2 / 2 + 9.81 * (run["z"][first] - height),

@@ -23,9 +23,9 @@ ORBIT: Any = {"x_0": 1.0, "x_dot_0": 0.0, "y_dot_0": np.sqrt(1.5), "z_dot_0": np
 def main(claim: Claims) -> None:
     run = simulate("IsokineticOscillator", stop_time=60.0, step_size=0.02, tolerance=1e-11, **ORBIT)
     exact = IsokineticOscillator.exact(run.time, **ORBIT)
-    why = "solver tolerance 1e-11, amplification of 100 over 60 s"
+    why = "errors at solver tolerance 1e-11, amplified 100-fold over 60 s"
     r, v = (np.array([run[f"{q}{end}"] for q in "xyz"]) for end in ("", "_dot"))
-    rounding = within(1e-14, "J", because="projected after each step: roundings of 3 J")
+    rounding = within(1e-14, "J", because="projected after each step: rounding errors of energies of 3 J")
     claim("m v² = 3 k_B T", np.sum(v**2, axis=0), 3.0, rounding)
     claim("position, by Lambert's W and quadrature", run, exact, within(1e-8, "m", because=why), names="xyz")
     claim("μ", run["mu"], exact["mu"], within(1e-8, "1/s", because=why))
@@ -36,7 +36,7 @@ def main(claim: Claims) -> None:
     beyond = np.maximum(inner - distance, distance - outer)
     claim.below(f"r stays between {inner:.3f} and {outer:.3f} m", beyond, 0.0, within(1e-8, "m", because=why))
     turns = np.interp(half_period * np.arange(1, 20), run.time, np.sum(r * v, axis=0))
-    chords = within(1e-3, "m2/s", because="r·r' between samples 0.02 s apart: h²/8 times a second derivative of 10")
+    chords = within(1e-3, "m2/s", because="r·r' between samples, h = 0.02 s: h²/8 times a second derivative of 10")
     claim(f"r turns every {half_period:.3f} s", turns, 0.0, chords)
 
     (path,) = panels(("constant speed: a rosette", "x [m]", "(y + z)/√2 [m]"))

@@ -30,17 +30,17 @@ def quick_lean(T: float) -> float:
 def main(claim: Claims) -> None:
     lift = Swing.lift(BACK, lean=UPRIGHT)
     errors = [abs(quick_lean(T) - lift) for T in DURATIONS]
-    falling = within(0.1, because="gravity shifts θ by D τ²/I and higher orders")
+    falling = within(0.1, because="gravity shifts θ by D τ²/I and terms of higher order")
     text = f"quick lean: the rope ends {np.degrees(lift):.2f}° off; the error is of second order in τ"
     claim.order(text, DURATIONS, errors, 2, falling)
-    gravity = within(RATE * DURATIONS[-1] ** 2, "rad", because="g/l τ², what gravity can do in the time")
+    gravity = within(RATE * DURATIONS[-1] ** 2, "rad", because="g/l τ², the effect of gravity within the time τ")
     claim("quick lean within 0.02 s: Δθ = -∫ (J/I) dψ", errors[-1], 0.0, gravity)
 
     leaning: Any = {"amplitude": np.pi / 4, "angular_frequency": np.sqrt(RATE)}
     lean = operator("Sinusoid", offset=3 * np.pi / 4, **leaning)
     run = simulate("Swing", stop_time=40.0, step_size=0.02, tolerance=TOLERANCE, theta_0=0.05, lean=lean)
     exact = Swing.leaning(run.time, theta_0=0.05, lean=3 * np.pi / 4, **leaning)
-    why = "solver 1e-11, σ interpolated over 0.02 s, amplified about 100-fold in 40 s"
+    why = "errors of solver (1e-11) and of σ interpolated over 0.02 s, amplified about 100-fold in 40 s"
     text = f"pumping: θ(t) grows {np.max(np.abs(run['theta'])) / 0.05:.0f}-fold, as the integration says"
     claim(text, run["theta"], exact["theta"], within(1e-7, "rad", because=why))
     scale = np.max(np.abs(run["energy"]))

@@ -62,7 +62,7 @@ def main(claim: Claims) -> None:
     components = {"d'Alembert": CartesianPendulum, "Gauss": GaussPendulum}
     start: Any = {"x_0": np.sin(THETA_0), "z_0": 1 - np.cos(THETA_0)}
     routes = {name: simulate(component, **start, **SETTINGS) for name, component in components.items()}
-    why = "solver tolerance 1e-11; errors grow 300-fold over 60 s of large swings"
+    why = "errors at solver tolerance 1e-11, amplified 300-fold over 60 s of large swings"
     for name, run in routes.items():
         claim(f"{name} against θ", run, in_theta, within(1e-8, "m", because=why))
         claim(f"{name} against elliptic functions", run, exact, within(1e-8, "m", because=why), names=("x", "z"))
@@ -75,10 +75,10 @@ def main(claim: Claims) -> None:
     claim("μ_1 = -2 λ_1, twice what is printed", gauss["mu_1"] / -2, expected, multiplier)
     claim("both: the tension / 2l of the rod in θ", angle["tension"] / -2, expected, multiplier)
 
-    projected = within(1e-14, "m", because="projected")
+    projected = within(1e-14, "m", because="the FMU projects onto the constraints")
     claim("d'Alembert keeps the length of the rod to rounding", dalembert["rod_residual"], 0.0, projected)
     length = np.linalg.norm([gauss["x"], gauss["y"], gauss["z"] - 1], axis=0)
-    integrated = within(1e-9, "m", because="integrated, 100 tolerances")
+    integrated = within(1e-9, "m", because="constraints are integrated: 100 times the tolerance")
     claim("Gauss keeps its derivative; the length follows", length, 1.0, integrated)
 
     t = angle.time[:401]

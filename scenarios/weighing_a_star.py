@@ -55,11 +55,11 @@ def main(claim: Claims) -> None:
     values, sigmas = np.array([fit.values[name] for name in TRUTH]), np.sqrt(np.diag(fit.covariance))
     best = least_squares(lambda p: (seen(times, p) - measured) / NOISE, truth, jac="3-point", xtol=1e-14, ftol=1e-14)
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
-    same = within(1e-4, because="standard errors; both stop where the sum of squares is flat to 1e-10")
+    same = within(1e-4, because="in standard errors; both fits stop when the sum of squares changes by 1e-10 of itself")
     claim("μ and the start are those of least squares over Kepler's equation", values / errors, best.x / errors, same)
-    differences = within(1e-4, because="relative; the information changes as slowly as the values do")
+    differences = within(1e-4, because="relative error; the information changes as slowly as the values do")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
-    nearer = within(3.3, because="standard errors: 1 of 200 measurements of five values would be farther away")
+    nearer = within(3.3, because="in standard errors; 1 of 200 measurements of five values would be farther away")
     claim("all five are true within their errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
@@ -69,16 +69,16 @@ def main(claim: Claims) -> None:
     distance = np.hypot(run["x"], run["y"])
     semi_axis = (distance.max() + distance.min()) / 2
     turn = np.diff(crossings(run.time, run["x"], run["x_dot"], rising=True)).mean()
-    points = within(5e-5, because="relative; nearest and farthest of 1000 points of a revolution, 3/2 (π/1000)²")
+    points = within(5e-5, because="relative; nearest and farthest of 1000 points of a revolution: 3/2 (π/1000)²")
     claim("4π² a³/T² of the FMU is this μ", 4 * np.pi**2 * semi_axis**3 / turn**2 / values[0], 1.0, points)
     sentences = fitted([*TRUTH, "mass"], fit.values, 2 * PERIOD).sentences
     silent = [sentence for sentence in sentences if "mass: not determined at all" in sentence]
-    claim("one sentence says that the mass is not determined", len(silent), 1, within(0, because="a count"))
+    claim("one sentence says that the mass is not determined", len(silent), 1, within(0, because="a whole number"))
 
     rows = [best.jac[np.tile(times <= share * PERIOD, 2)] for share in SHARES]
     promised = [np.sqrt(np.linalg.inv(J.T @ J)[0, 0]) for J in rows]
     got = [np.sqrt(part.covariance[0, 0]) for part in fits]
-    linear = within(0.3, because="relative; each fit ends elsewhere, where the orbit is not quite the same")
+    linear = within(0.3, because="relative; each fit ends at slightly different values, hence on another orbit")
     claim("the information on μ after a part is as predicted", np.divide(got, promised), 1.0, linear)
 
     plane, known = panels(("seen, fitted", "x [m]", "y [m]"), ("what is known of μ", "revolutions", "σ$_μ$ [m³/s²]"))
