@@ -53,7 +53,7 @@ def main(claim: Claims) -> None:
     exact, reason = flights(run.time), "inputs of sixth order at steps of 4 ms; impacts are solved to rounding"
     for k, name in enumerate(("ball.height", "table.x", "ball.gap_impulse")):
         claim(name, run[name], exact[k], within(1e-8, "N.s" if k == 2 else "m", because=reason))
-    claim("work of both", run["ball.work"] + run["table.work"], 0.0, within(1e-8, "J", because=reason))
+    claim("works of both cancel", run["ball.work"] + run["table.work"], 0.0, within(1e-8, "J", because=reason))
 
     (axis,) = panels(("a ball on a table on a spring", "t [s]", "height [m]"), size=(8, 4))
     axis.plot(run.time, np.transpose([run["ball.height"], run["table.x"]]), label=["ball", "table"])

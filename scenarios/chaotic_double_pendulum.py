@@ -38,13 +38,13 @@ def main(claim: Claims) -> None:
     fit = identify("DoublePendulum", data, unknown=[*TRUTH], noise=NOISE, start_values=GUESS)
     errors = np.array([fit.values[name] - TRUTH[name] for name in TRUTH])
     nearer = within(3.2, because="in standard errors: 1 of 200 measurements of four values would be farther away")
-    claim("start values and lengths are true", errors / [*fit.standard_errors.values()], 0.0, nearer)
+    claim("start values and lengths are right, in their errors", errors / [*fit.standard_errors.values()], 0.0, nearer)
 
     fitted = run(fit.values)
     left, noise = (np.sum((measured - angles(motion)) ** 2) / NOISE**2 for motion in (fitted, true))
     freedom = measured.size - len(TRUTH)
     spread = within(3 * np.sqrt(2 * freedom), because="three standard deviations, √(2n) each, of chi-squared")
-    claim("the FMU with the fitted values leaves the noise as residual: χ² = n", left, freedom, spread)
+    claim("residuals of the FMU with the fitted values are the noise: χ² = n", left, freedom, spread)
     wilks = within(14.9, because="χ² with 4 degrees of freedom: 1 of 200 measurements prefers other values by more")
     claim("the true values are nearly as likely", noise, left, wilks)
 
@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     growth = np.linalg.norm(angles(near) - angles(true), axis=0) / NEAR
     sharpest = np.linalg.inv(fit.covariance)[0, 0] ** -0.5
     curved = within(0.2, because="relative; the fit is not the true motion, and deviations grow 1e5-fold")
-    claim("θ_1(0), if alone unknown, is known to noise/growth", sharpest * np.linalg.norm(growth) / NOISE, 1.0, curved)
+    claim("if only θ_1(0) is unknown, it errs by noise/growth", sharpest * np.linalg.norm(growth) / NOISE, 1.0, curved)
 
     motion, chaos = panels(
         ("from the guess to the fit", "t [s]", "θ$_1$ [rad]"), ("chaos", "t [s]", "growth of 1e-8 rad")

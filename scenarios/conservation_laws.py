@@ -79,7 +79,7 @@ def main(claim: Claims) -> None:
     constants = {"x p_y - y p_x": momentum, "eccentricity, x": planet["eccentricity_x"], "energy": planet["energy"]}
     left, right = panels(
         ("a planet: what changes, and what does not", "t [s]", "J.s, or 1, or J"),
-        ("the constants: roundings", "t [s]", "largest change so far [2⁻⁵²]"),
+        ("the constants: rounding errors", "t [s]", "largest change so far [2⁻⁵²]"),
     )
     changing = {"x p_y": planet["x"] * planet["p_y"], "p·r": p_r.evaluate(**at)}
     for label, values in (changing | constants).items():

@@ -61,17 +61,17 @@ def main(claim: Claims) -> None:
     print(table({"": way, "from the modes [m]": f"{a:.1e}", "from one FMU [m]": f"{b:.1e}"} for way, a, b in rows))
 
     coupling = within(BOUND, "m", because=WHY)
-    claim.order("order 4", SIZES, errors, 4, within(0.15, because="terms of relative order (4 H)²"))
-    claim("against normal modes", found, expected, coupling)
-    claim("flattened, against normal modes", flat, expected, within(1e-10, "m", because="tolerance 1e-12 over 20 s"))
+    claim.order("coupling error of order 4", SIZES, errors, 4, within(0.15, because="terms of relative order (4 H)²"))
+    claim("ten FMUs against normal modes", found, expected, coupling)
+    claim("flattened against normal modes", flat, expected, within(1e-10, "m", because="tolerance 1e-12 over 20 s"))
     claim("ten FMUs against flattened", found, flat, coupling)
     alone = simulate("OscillatorChain", times=fine.time, tolerance=1e-12, **BODY)["u"].T
-    claim("against OscillatorChain", found, alone, coupling)
+    claim("ten FMUs against OscillatorChain", found, alone, coupling)
     momentum, energy, handed = (of_all(fine, name).sum(axis=0) for name in ("p_x", "energy", "work"))
     force = within(4 * BOUND, "J", because=f"{WHY}; times the forces")
-    claim("total momentum", np.ptp(momentum), 0.0, within(BOUND, "kg.m/s", because=WHY))
-    claim("energy of the chain", np.ptp(energy), 0.0, force)
-    claim("work in one mass is work out of another", handed, 0.0, force)
+    claim("the total momentum is constant", np.ptp(momentum), 0.0, within(BOUND, "kg.m/s", because=WHY))
+    claim("the energy of the chain is constant", np.ptp(energy), 0.0, force)
+    claim("the work done on one mass is taken from another", handed, 0.0, force)
 
     waves, convergence = panels(
         ("ten FMUs (lines) and normal modes (dots)", "t [s]", "mass, displacement [m]"),

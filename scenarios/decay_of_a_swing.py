@@ -48,11 +48,11 @@ def main(claim: Claims) -> None:
     best = least_squares(lambda p: (decaying(p) - measured) / NOISE, values, jac="3-point", x_scale=truth)
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
     same = within(1e-3, because="in standard errors; both fits stop when the sum of squares changes by 1e-8 of itself")
-    claim("all three are those of least squares over the integrated equation", values / errors, best.x / errors, same)
+    claim("the fit agrees with least squares over the integrated equation", values / errors, best.x / errors, same)
     differences = within(1e-5, because="relative error; the reference is differentiated by finite differences")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.1, because="in standard errors; 1 of 200 measurements of three values would be farther away")
-    claim("all three are true within their standard errors", (values - truth) / errors, 0.0, nearer)
+    claim("the fitted values agree with the true ones, in standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     # Made-up measurements, each fitted by one step of Gauss and Newton from the truth.

@@ -64,7 +64,7 @@ def main(claim: Claims) -> None:
     errors = [abs(fall(np.pi / 2, steps)["phi"][-1] - loop) for steps in STEPS]
     fine, flat = fall(np.pi / 2, 100), fall(0.0, 100)
     sixth = within(0.3, because="terms of higher order in H, at 8 to 24 points a loop")
-    claim.order("order 6", 1 / STEPS, errors, 6, sixth)
+    claim.order("the error of the turn is of order 6 in H", 1 / STEPS, errors, 6, sixth)
     solver = within(1e-9, "rad", because="error of interpolating σ, (2π/100)⁶/720 times 1 rad; solver tolerance 1e-12")
     claim("turn after the loop", fine["phi"][-1], loop, solver)
     claim("turn on a path that is retraced", flat["phi"][-1], 0.0, solver)

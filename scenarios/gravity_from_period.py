@@ -49,7 +49,7 @@ def main(claim: Claims) -> None:
     differences = within(1e-6, because="relative error; the closed form is differentiated by finite differences")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.0, because="in standard errors; 1 of 200 measurements would be farther away")
-    claim("g and θ_0 are true within their standard errors", (values - truth) / errors, 0.0, nearer)
+    claim("g and θ_0 agree with the true values, in standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     fitted: Any = {"length": LENGTH} | fit.values

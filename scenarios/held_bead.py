@@ -21,8 +21,8 @@ GROWTH = RATE * np.sqrt(0.5)  # λ, with d/R as declared
 @scenario
 def main(claim: Claims) -> None:
     mirror, beside, brought = panels(
-        ("dear feedback mirrors the growth", "weight of effort", "log |μ|/H + λ of the pair [1/s]"),
-        ("beside the far side", "t [s]", "|ξ - π| [m]"),
+        ("costly feedback mirrors the growth", "weight of effort", "log |μ|/H + λ of the pair [1/s]"),
+        ("near the far side", "t [s]", "|ξ - π| [m]"),
         ("brought there, pushed at 1 s", "t [s]", "ξ [m]"),
     )
     far_side = {"xi": np.pi, "beta_dot": RATE}
@@ -30,7 +30,7 @@ def main(claim: Claims) -> None:
     found = [hold("CircularHoop", far_side, step_size=STEP, effort=effort) for effort in efforts]
     pairs = np.array([np.sort(np.log(np.abs(one.floquet_multipliers)) / STEP)[1:3].mean() for one in found]) + GROWTH
     first = within(0.02, because="the next term is smaller by the factor 1/effort")
-    claim.order("two multipliers are exp(-λH), up to 1/effort", 1 / efforts, np.abs(pairs), 1, first)
+    claim.order("two multipliers are exp(-λH), up to a term in 1/effort", 1 / efforts, np.abs(pairs), 1, first)
     mirror.loglog(efforts, np.abs(pairs), "o-", label="of the pair")
 
     turning = operator("Ramp", rate=RATE)

@@ -68,7 +68,7 @@ def main(claim: Claims) -> None:
     run = regulator.simulate(STOP, swing_0=np.pi + TILT)
     torque, angle = run["FurutaPendulum.turn_force"], run["FurutaPendulum.swing"] - np.pi
     bounded = within(1e-12, "N.m", because="the torque is limited to this value, and reaches it at least once")
-    claim("the torque reaches its bounds, no more", np.abs(torque).max(), MOST, bounded)
+    claim("the torque reaches its bounds and does not exceed them", np.abs(torque).max(), MOST, bounded)
     settled = within(
         1e-9, "rad", because="the largest multiplier, 0.95, is 4e-14 after 600 samples; the arm swings out first"
     )

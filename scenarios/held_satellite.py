@@ -44,7 +44,7 @@ def main(claim: Claims) -> None:
     regulator = hold(plan(PushedSatellite, WHEELS, end=end, duration=10.0, minimize="effort"))
     claim.verdicts += regulator.verify()
     one = np.abs(regulator.floquet_multipliers[:3])
-    claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="integration error"))
+    claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="error of solver"))
 
     held = regulator.simulate(STOP, inputs={"push": push})
     free = simulate(PushedSatellite, q_w_0=0.0, q_z_0=1.0, inputs={"push": push}, stop_time=STOP, step_size=0.25)

@@ -74,7 +74,7 @@ def main(claim: Claims) -> None:
     claim("multipliers: ⟨δI, w⟩ = 0 for three w across the rod", kept, 0.0, interpolated)
     in_theta = {"x": run["length"] * np.sin(run["theta"]), "z": 1 - run["length"] * np.cos(run["theta"])}
     same = within(1e-9, "m", because="errors of the solver at tolerance 1e-12, amplified less than 100-fold within 4 s")
-    claim("both give the same motion", free, in_theta, same)
+    claim("both pendulums give the same motion", free, in_theta, same)
 
     motion, action = panels(
         ("a motion and two variations of it", "t [s]", "θ [rad]"),

@@ -36,12 +36,12 @@ def main(claim: Claims) -> None:
     momentum = a * (run["hoop.xi_dot"] + a * turn) + whole * turn
     energy, handed = (run[f"hoop.{name}"] + run[f"wheel.{name}"] for name in ("energy", "work"))
     why = f"solver tolerance {TOLERANCE:g}, and errors H⁴/720 of the torque, amplified less than 100-fold in 20 s"
-    claim("angular momentum of both", np.ptp(momentum), 0.0, within(1e-8, "kg.m2/s", because=why))
-    claim("energy of both", np.ptp(energy), 0.0, within(1e-8, "J", because=why))
-    claim("the work on one is taken from the other", handed, 0.0, within(1e-8, "J", because=why))
+    claim("the total angular momentum is constant", np.ptp(momentum), 0.0, within(1e-8, "kg.m2/s", because=why))
+    claim("the total energy is constant", np.ptp(energy), 0.0, within(1e-8, "J", because=why))
+    claim("the work done on one FMU is taken from the other", handed, 0.0, within(1e-8, "J", because=why))
     one = CircularHoop.on_a_free_shaft(run.time, shaft_inertia=WHEEL, **HOOP)
-    claim("ξ, one system", xi, one["xi"], within(1e-7, "m", because=why))
-    claim("β, one system", run["wheel.angle"], one["beta"], within(1e-7, "rad", because=why))
+    claim("ξ agrees with one system", xi, one["xi"], within(1e-7, "m", because=why))
+    claim("β agrees with one system", run["wheel.angle"], one["beta"], within(1e-7, "rad", because=why))
 
     motion, parts = panels(("motion", "t [s]", "ξ [m], β [rad]"), ("its parts", "t [s]", "angular momentum [kg.m2/s]"))
     motion.plot(run.time, xi, label="ξ, bead")

@@ -42,7 +42,7 @@ def main(claim: Claims) -> None:
     claim("∂θ/∂m = 0", MASS * run.derivative("theta", "mass"), 0.0, motion)
     torque = MASS * GRAVITY * LENGTH * np.sin(START)
     account = within(1e-7, "J", because="tolerance 1e-12 times derivatives of up to 100, times torques of 20 N.m")
-    claim("∂E/∂θ_0 = m g l sin θ_0 all the time", run.derivative("energy", "theta_0"), torque, account)
+    claim("∂E/∂θ_0 = m g l sin θ_0 at every instant", run.derivative("energy", "theta_0"), torque, account)
 
     back, n = slice(None, None, 40), np.arange(PERIODS + 1)
     slope, rate = run.derivative("theta", "theta_0"), run.derivative("theta_dot", "theta_0")

@@ -21,7 +21,7 @@ TOLERANCE, STOP = 1e-9, 20.0
 def main(claim: Claims) -> None:
     motion, force = panels(
         ("all rods turn as one pendulum", "t [s]", "x of B$_0$ [m]"),
-        ("force of the first lying rod", "t [s]", "λ$_1$ [N]"),
+        ("force of the first horizontal rod", "t [s]", "λ$_1$ [N]"),
         mosaic="a;b",
         size=(9.0, 6.5),
     )

@@ -64,7 +64,7 @@ def main(claim: Claims) -> None:
     expected = [trace_of_mathieu(frequency) for frequency in FREQUENCIES]
     claim("trace of the motion over one period, ν = 40 to 100 rad/s", traces, expected, linear)
     leading = Pendulum.upright_from(AMPLITUDE)
-    text = f"the upright position becomes stable between 44 and 45 rad/s; leading order says {leading:.2f}"
+    text = f"the upright position becomes stable between 44 and 45 rad/s; the leading term gives {leading:.2f}"
     count = within(0.0, because="a whole number; the traces at 44 and 45 differ from 2 by 4e-3")
     claim(text, np.sum((traces < 2) != (leading < FREQUENCIES)), 0, count)
     slow = np.arccos(traces[-1] / 2) * FREQUENCIES[-1] / (2 * np.pi)

@@ -28,10 +28,10 @@ def main(claim: Claims) -> None:
     settings: Any = {"stop_time": 2.0, "step_size": 0.01, "tolerance": TOLERANCE, "input_reconstruction": 2}
     cat, linked = (simulate(name, **settings, **moves) for name in ("PlanarCat", "LinkedCat"))
     solver = within(1e-10, because="solver tolerance 1e-12, and the error of interpolating σ, 1e-12")
-    claim("the trunk turns as the PlanarCat", linked["fall_angle"], cat["phi"], solver)
+    claim("the trunk turns like that of the PlanarCat", linked["fall_angle"], cat["phi"], solver)
     limbs = 0.2 + 0.15 * np.exp(1j * cat["psi_1"]) - 0.2 - 0.15 * np.exp(1j * cat["psi_2"])
     trunk = cat["com_x"] + 1j * cat["com_z"] - limbs / 4.0 * np.exp(1j * cat["phi"])
-    claim("and falls like it", linked["fall_x"] + 1j * linked["fall_y"], trunk, solver)
+    claim("the trunk falls like that of the PlanarCat", linked["fall_x"] + 1j * linked["fall_y"], trunk, solver)
     work = within(1e-9, "J", because="the error of the angles, times torques of 10 N m")
     claim("the operator's work is the same", linked["work"], cat["work"], work)
     claim.energy("energy", linked, tolerance=TOLERANCE)

@@ -46,7 +46,7 @@ def main(claim: Claims) -> None:
     late = within(phase, "rad", because="ten times the phase error (ωh)⁶/100800 of a harmonic oscillator")
     claim("angle after 10⁵ s against elliptic functions", swing["theta"], exact, late)
     even = within(0.1, because="each step loses the same energy; the exponent is fitted over one decade")
-    drift = "energy error of the error-controlled solver grows as the time"
+    drift = "the energy error of the error-controlled solver grows in proportion to time"
     claim.order(drift, time[tenth:], loose[tenth:], 1.0, even)
 
     energies, angles = panels(

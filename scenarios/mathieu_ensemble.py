@@ -47,7 +47,7 @@ def main(claim: Claims) -> None:
     near = np.min(np.abs(edges[:, None, :] - STIFFNESS[:, None]), axis=0)
     wrong = (np.abs(trace) < 2) != inside
     why = "δ of the farthest point on the wrong side; an error of 1e-10 of the trace moves edges of tongues by 1e-6"
-    text = f"{trace.size} points are stable or not as a_m and b_m say"
+    text = f"{trace.size} points are stable or unstable as a_m and b_m predict"
     claim(text, np.max(near[wrong], initial=0.0), 0.0, within(1e-6, because=why))
     determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
     products = within(4e-10, because="relative to products of entries, each with the error of the next claim")

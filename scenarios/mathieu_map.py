@@ -48,7 +48,7 @@ def main(claim: Claims) -> None:
     nearest = within(
         0.0, because=f"a whole number; the nearest trace differs from 2 by {np.min(np.abs(np.abs(traces) - 2)):.2g}"
     )
-    claim(f"{traces.size} points of the map are stable or not as a_m, b_m say", stable, expected, nearest)
+    claim(f"{traces.size} points of the map are stable or unstable as a_m and b_m predict", stable, expected, nearest)
     depths = np.array([0.5, 1.0, 2.0])
     curves = Pendulum.shaken_edges(depths / 2, angular_frequency=2.0, count=3)  # a_0, b_1, a_1, ...
     found = [np.trace(monodromy(curve, depths), axis1=1, axis2=2) for curve in curves]

@@ -52,7 +52,7 @@ def main(claim: Claims) -> None:
     independent = within(0.25, because="errors last 20 samples, so 50 are independent: 2.5 times 1/√(2 · 50)")
     for name in observer.outputs:
         off = (result[f"{part}.{name}"] - result[f"{mechanism}.{name}"])[late]
-        claim(f"error of {name} over its standard deviation", np.std(off) / expected[name], 1.0, independent)
+        claim(f"error of {name}, divided by its standard deviation", np.std(off) / expected[name], 1.0, independent)
     seen = np.std((result[f"{mechanism}.theta_1"] + result[f"{part}.theta_1_noise"] - result[f"{part}.theta_1"])[late])
     half = within(0.0, because="an inequality")
     claim.below("estimates are twice as accurate as measured angles", expected["theta_1"] / seen, 0.5, half)

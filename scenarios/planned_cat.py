@@ -77,7 +77,7 @@ def main(claim: Claims) -> None:
         motions.append(plan("PlanarCat", end={"phi": TURN / k}, duration=FALL / k, **warm, **cat))
     costs = np.array([motion.cost for motion in motions])
     shooting = within(1e-9, because="relative error; the shooting has tolerance 1e-13")
-    claim("each loop costs what Wong's equations say", costs / [shot(motion) for motion in motions], 1.0, shooting)
+    claim("each loop costs what Wong's equations give", costs / [shot(motion) for motion in motions], 1.0, shooting)
     claim.verdicts += motions[0].verify()
     dido = 2 * np.pi * abs(TURN) / (FALL * field())
     claim.below("one loop costs less than two", costs[0], 2 * costs[1], within(0, "J.s", because="an inequality"))

@@ -64,7 +64,7 @@ def main(claim: Claims) -> None:
     torso = swung(
         "Swing", "rope", start={"rope": None}, lean=np.pi, mass_seat=MASS, mass_torso=MASS, torso_length=TORSO
     )
-    claim("with a torso it grows by the ratio of I D", gain(torso), with_torso(LONG) / with_torso(SHORT), mesh)
+    claim("with a torso, 1 - cos θ grows by the ratio of I D", gain(torso), with_torso(LONG) / with_torso(SHORT), mesh)
     claim.verdicts += [verdict for motion in (sudden, smooth[0], torso) for verdict in motion.verify()]
 
     for motion, label, rope in ((sudden, "sudden", "length"), (smooth[0], "A = 15 m/s²", "length")):

@@ -55,7 +55,7 @@ def main(claim: Claims) -> None:
     claim("the FMUs turn the satellite like the top", [run[name] for name in QUATERNION], exact[:4], replay)
     one_axis = ANGLE**2 * np.sum(TOP * AXIS**2) / (2 * DURATION)
     claim.below(
-        "about one axis it costs a fifth more, at least",
+        "about one axis the turn costs at least a fifth more",
         1.2 * least,
         one_axis,
         within(0, "J.s", because="an inequality"),

@@ -72,6 +72,6 @@ def main(claim: Claims) -> None:
         pointing.plot(*path[-1:].T, "k.")
         runs.append(run)
     apart, known = ((one.inv() * other).magnitude() for one, other in (ends, products))
-    text = f"the two orders end {np.degrees(apart):.1f}° apart, wheels alike"
+    text = f"the two orders end {np.degrees(apart):.1f}° apart, at equal wheel angles"
     claim(text, apart, known, within(1e-9, "rad", because=why))
     claim.energy("energy is the motors' work", *runs, tolerance=TOLERANCE)

@@ -28,7 +28,7 @@ def main(claim: Claims) -> None:
     rounding = within(1e-14, "J", because="projected after each step: rounding errors of energies of 3 J")
     claim("m v² = 3 k_B T", np.sum(v**2, axis=0), 3.0, rounding)
     claim("position, by Lambert's W and quadrature", run, exact, within(1e-8, "m", because=why), names="xyz")
-    claim("μ", run["mu"], exact["mu"], within(1e-8, "1/s", because=why))
+    claim("the friction μ", run["mu"], exact["mu"], within(1e-8, "1/s", because=why))
     kept = np.cross(r, v, axis=0) * np.exp(-np.sum(r**2, axis=0) / 6)
     claim("L exp(-V/3 k_B T) is constant", kept, kept[:, :1], within(1e-8, "J.s", because=why))
     inner, outer, half_period, _ = IsokineticOscillator.turning_points(position=r[:, 0], velocity=v[:, 0])

@@ -41,13 +41,11 @@ def main(claim: Claims) -> None:
     run = simulate("Swing", stop_time=40.0, step_size=0.02, tolerance=TOLERANCE, theta_0=0.05, lean=lean)
     exact = Swing.leaning(run.time, theta_0=0.05, lean=3 * np.pi / 4, **leaning)
     why = "errors of solver (1e-11) and of σ interpolated over 0.02 s, amplified about 100-fold in 40 s"
-    text = f"pumping: θ(t) grows {np.max(np.abs(run['theta'])) / 0.05:.0f}-fold, as the integration says"
+    text = f"pumping: θ(t) grows {np.max(np.abs(run['theta'])) / 0.05:.0f}-fold, as in the integration"
     claim(text, run["theta"], exact["theta"], within(1e-7, "rad", because=why))
     scale = np.max(np.abs(run["energy"]))
     relative = within(1e-7, because=f"{why}; relative to the energy scale")
-    claim(
-        "pumping: p_θ, which leaning itself does not change", run["p_theta"] / scale, exact["p_theta"] / scale, relative
-    )
+    claim("pumping: p_θ, which leaning does not change", run["p_theta"] / scale, exact["p_theta"] / scale, relative)
     claim.energy("the energy gained is the child's work", run, tolerance=TOLERANCE)
 
     order, pumping = panels(

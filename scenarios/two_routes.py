@@ -73,13 +73,13 @@ def main(claim: Claims) -> None:
     multiplier = within(1e-7, "N/m", because=f"{why}; times 2m/l·|ω| = 12")
     claim("λ_1 = -m (g (l - z) + v²)/2l²", dalembert["lambda_1"], expected, multiplier)
     claim("μ_1 = -2 λ_1, twice what is printed", gauss["mu_1"] / -2, expected, multiplier)
-    claim("both: the tension / 2l of the rod in θ", angle["tension"] / -2, expected, multiplier)
+    claim("both are the tension / 2l of the rod, computed in θ", angle["tension"] / -2, expected, multiplier)
 
     projected = within(1e-14, "m", because="the FMU projects onto the constraints")
     claim("d'Alembert keeps the length of the rod to rounding", dalembert["rod_residual"], 0.0, projected)
     length = np.linalg.norm([gauss["x"], gauss["y"], gauss["z"] - 1], axis=0)
     integrated = within(1e-9, "m", because="constraints are integrated: 100 times the tolerance")
-    claim("Gauss keeps its derivative; the length follows", length, 1.0, integrated)
+    claim("Gauss keeps the length by its derivatives, up to integration errors", length, 1.0, integrated)
 
     t = angle.time[:401]
     motion.plot(t, dalembert["x"][:401], label="d'Alembert")

@@ -60,7 +60,7 @@ def main(claim: Claims) -> None:
     differences = within(1e-4, because="relative error; the information changes as slowly as the values do")
     claim("and so are their standard errors", sigmas / errors, 1.0, differences)
     nearer = within(3.3, because="in standard errors; 1 of 200 measurements of five values would be farther away")
-    claim("all five are true within their errors", (values - truth) / errors, 0.0, nearer)
+    claim("the fitted values agree with the true ones, in standard errors", (values - truth) / errors, 0.0, nearer)
     claim.verdicts += fit.verify()
 
     start: Any = fit.values
