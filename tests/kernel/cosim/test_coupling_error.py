@@ -57,6 +57,7 @@ def test_model_exchange_follows_the_quintic_of_a_port(component: FmuPaths, tmp_p
     )
     coarse, fine = (system.simulate(stop_time=1.0, step_size=H, tolerance=1e-11) for H in (0.1, 0.1 / 4))
     true = np.max(np.abs(coarse["swing.theta"] - fine["swing.theta"][::4]))
+    assert coarse.coupling_error is not None
     assert true / 10 < np.sum(coarse.coupling_error) < 100 * true
 
 

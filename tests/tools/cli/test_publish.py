@@ -296,5 +296,5 @@ def test_a_new_package_from_its_wheel(tmp_path: Path) -> None:
         if command.startswith("liaisons"):
             place.runs(command)
     assert (place.folder / "figures" / "held_block.png").is_file()
-    assert "6 passed" in place.runs("python -m pytest -q tests")
+    assert "13 passed" in place.runs("python -m pytest -q tests")
     assert f"liaisons {__version__}\n" == place.runs("liaisons --version")
