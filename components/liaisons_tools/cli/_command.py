@@ -81,9 +81,9 @@ def _print_version(requested: bool) -> None:
 def accept_global_options(
     *,
     _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show it")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show the version")
     ] = False,
-    _debug: Annotated[bool, typer.Option("--debug", help="show where an error comes from")] = False,
+    _debug: Annotated[bool, typer.Option("--debug", help="show the traceback of an error")] = False,
 ) -> None:
     """Accept the options before a command; ``main`` has removed ``--debug`` already."""
 
@@ -142,7 +142,7 @@ def has_words(text: str, words: Iterable[str]) -> bool:
     return all(re.search(rf"\b{re.escape(word.replace('_', ' ').casefold())}", text) for word in words)
 
 
-def subject_argument(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
+def subject_argument(metavar: str, words: str = "a file, or a component, whose FMU is built if needed") -> Any:
     """Typer argument that names the FMU, component or system of a command, completed by names of components."""
     return typer.Argument(metavar=metavar, help=words, autocompletion=component_names)
 
@@ -212,26 +212,28 @@ def add_robot_options(words: Sequence[str], prescribe: str, leave_out: str = "",
 
 Number = float | None
 Size = Annotated[
-    Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=parse_assignment)
+    Any, option("n=NUMBER", "number of links of a chain (default: as declared)", "--size", parser=parse_assignment)
 ]
 
 Prescribe = Annotated[
-    str, option("JOINT,...", "of a robot's file (URDF, MJCF): joints that an operator prescribes", "--prescribe")
+    str, option("JOINT,...", "in URDF and MJCF files: joints that an operator prescribes", "--prescribe")
 ]
 
-Limits = Annotated[bool, flag("--limits", "of a robot's file: stops at the limits of its joints")]
+Limits = Annotated[bool, flag("--limits", "in URDF and MJCF files: make joint limits stops")]
 
 BalanceInertia = Annotated[
-    bool, flag("--balance-inertia", "of a robot's file: the mean of principal moments that no body has")
+    bool, flag("--balance-inertia", "in robots' files: replace impossible moments of inertia by their mean")
 ]
 
-FloatingBase = Annotated[bool, flag("--floating-base", "of a URDF file: its root link moves freely")]
+FloatingBase = Annotated[bool, flag("--floating-base", "in URDF files: let the root link move freely")]
 
 LeaveOut = Annotated[
-    str, option("NAME,...", "of a robot's file: what would move it, and is left out, as viscosity", "--leave-out")
+    str, option("NAME,...", "in URDF and MJCF files: leave out features that affect the motion", "--leave-out")
 ]
 
-Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]
+Output = Annotated[
+    Path | None, option("DIR", "folder for all files that are written (default: here)", "--output", "-o")
+]
 
 # The options of every simulation.
 Starts = Annotated[
@@ -248,8 +250,8 @@ Inputs = Annotated[
     list[str],
     repeated_option(
         "NAME=EXPRESSION|FILE.csv",
-        "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
-        "input, rates beside it where they are known; may be given several times",
+        "move inputs: one by an expression of the time t (its rates are derived), or several by a table with a column "
+        "time, a column for each input, and columns of rates if they are known; may be given several times",
         "--input",
     ),
 ]
@@ -257,12 +259,12 @@ Join = Annotated[
     Literal["quintic", "pchip", "linear"],
     option(
         "quintic|pchip|linear",
-        "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
+        "interpolation of tables without rates: smooth, overshoots near steps; acceleration jumps; rate jumps",
     ),
 ]
 Smoothing = Annotated[
     Number,
-    option("D", "fit noisy rows of tables without rates by splines with knots D seconds apart", parser=float),
+    option("D", "fit noisy tables without rates by splines with knots D seconds apart", parser=float),
 ]
 Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
 Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]

@@ -21,11 +21,11 @@ from liaisons_tools.cli._command import command, print_verdicts, subject_argumen
 def check(
     fmu: Annotated[str, subject_argument("FMU|NAME|FILE.py")],
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="print all as one JSON object, for programs")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print everything as one JSON object, for programs")] = False,
 ) -> int:
-    """Check an FMU, or a component: its energies, equations, closed form and FMU against each other.
+    """Check an FMU; or compare energies, equations, closed form and FMU of a component with each other.
 
-    Exit status 1 when it fails.
+    The exit status is 1 if a check fails.
     """
     from liaisons import Verdict, check_component, check_fmu
     from liaisons_tools.cli._reference_results import reference_verdicts

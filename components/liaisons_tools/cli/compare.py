@@ -18,7 +18,7 @@ def _parsed_tolerance(text: str) -> float:
     return tolerance
 
 
-Table = Annotated[Path, typer.Argument(metavar="CSV|PARQUET", help="a table of signals, time first")]
+Table = Annotated[Path, typer.Argument(metavar="CSV|PARQUET", help="a table of signals, first column time")]
 
 
 @command("""
@@ -29,12 +29,12 @@ def compare(
     first: Table,
     second: Table,
     tolerance: Annotated[
-        Number, option("R", "allowed difference beside the signal's largest value", parser=_parsed_tolerance)
+        Number, option("R", "allowed difference, relative to the largest value of the signal", parser=_parsed_tolerance)
     ] = None,
 ) -> int:
     """Compare two results, signal by signal.
 
-    Exit status 1 when they differ by more than a tolerance.
+    The exit status is 1 if they differ by more than the tolerance.
     """
     from liaisons import Result, compare
 

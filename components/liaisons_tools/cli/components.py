@@ -50,7 +50,7 @@ T = TypeVar("T")
 @command(
     """
     liaisons list
-    liaisons list kapitza                                those that have this word
+    liaisons list kapitza                                those that contain this word
     liaisons list bead hoop                              ... both words
     liaisons list my_component.py
     """,
@@ -58,7 +58,7 @@ T = TypeVar("T")
 )
 def list_components(
     targets: Annotated[
-        list[str] | None, subject_argument("WORD|NAME|FILE.py", "show those that have all words, or those of files")
+        list[str] | None, subject_argument("WORD|NAME|FILE.py", "show those that contain all words, or those of files")
     ] = None,
 ) -> int:
     """Show the components, with their free and active coordinates, and the scenarios by theme."""
@@ -144,7 +144,7 @@ def build(
         list[str] | None,
         subject_argument(
             "NAME|FILE.py|FILE.urdf|FILE.xml",
-            "what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
+            "components to build (default: those listed in fmus/fmus.toml or, without this file, the whole catalogue)",
         ),
     ] = None,
     *,
@@ -154,19 +154,19 @@ def build(
     platforms: Annotated[
         Platforms,
         typer.Option(
-            help="binaries inside a native FMU: for this machine; for Linux, Windows and macOS; or, experimental and "
-            "of FMI 3.0, for this machine and WebAssembly"
+            help="binaries in a native FMU: for this machine; for Linux, Windows and macOS; or (experimental, FMI 3.0 "
+            "only) for this machine and WebAssembly"
         ),
     ] = "host",
     fmi: Annotated[
         Literal["2", "3", "both"],
-        typer.Option(help="version: FMI 2.0, FMI 3.0, which goes to fmi3/ and is native, or both"),
+        typer.Option(help="version: FMI 2.0; FMI 3.0 (in fmi3/, native only); or both"),
     ] = "2",
     arrays: Annotated[
         bool,
         flag(
             "--arrays/--no-arrays",
-            "in FMI 3.0, arrays as such, or number by number for tools that know none, in fmi3/scalars/",
+            "in FMI 3.0: keep arrays, or write an FMU in fmi3/scalars/ with a variable for each element",
         ),
     ] = True,
     size: Size = None,
@@ -177,14 +177,16 @@ def build(
     leave_out: LeaveOut = "",
     as_modelica: Annotated[
         bool,
-        flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
+        flag(
+            "--modelica", "write Modelica text, NAME.mo, instead of FMUs; without names one package with all components"
+        ),
     ] = False,
     standard_library: Annotated[
         bool,
-        flag("--standard-library", "with --modelica: flanges and units of the Modelica Standard Library"),
+        flag("--standard-library", "with --modelica: use flanges and units of the Modelica Standard Library"),
     ] = False,
     output: Annotated[
-        Path | None, option("DIR", "where they go (default: fmus/), of another size its n=NUMBER/")
+        Path | None, option("DIR", "folder for the files (default: fmus/); with --size, its subfolder n=NUMBER/")
     ] = None,
 ) -> int:
     """Build FMUs."""

@@ -25,8 +25,8 @@ from liaisons_tools.cli._texts import requested_component
     liaisons equations Pendulum
     liaisons equations Pendulum --part motion --latex
     liaisons equations DoublePendulum --part accelerations --fix pivot_x,pivot_z
-    liaisons equations M50                              what equation 50 of Marle is about
-    liaisons equations my_system.py:crane               of a whole system
+    liaisons equations M50                              the equations to which Marle's equation 50 belongs
+    liaisons equations my_system.py:crane               those of a whole system
     liaisons equations my_component.py --html > equations.html
     liaisons equations robot.urdf --prescribe shoulder,elbow
 """)
@@ -35,7 +35,7 @@ def equations(
         str,
         subject_argument(
             "NAME|NUMBER|FILE.py|FILE.urdf|FILE.xml|FILE.ssp",
-            "a component, a system of components, a number of the two texts",
+            "a component, a system of components, or a number of the two texts",
         ),
     ],
     *,
@@ -44,12 +44,12 @@ def equations(
     balance_inertia: BalanceInertia = False,
     floating_base: FloatingBase = False,
     leave_out: LeaveOut = "",
-    part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
-    fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
-    text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
-    latex: Annotated[bool, flag("--latex", "for a document")] = False,
-    html: Annotated[bool, flag("--html", "for a browser")] = False,
-    modelica: Annotated[bool, flag("--modelica", "as Modelica text, of the whole")] = False,
+    part: Annotated[str | None, option("PART", "only lagrangian, momenta, motion, accelerations, forces, ...")] = None,
+    fix: Annotated[str, option("NAME,...", "prescribed coordinates that are kept at rest")] = "",
+    text: Annotated[bool, flag("--text", "print text for a terminal (the default)")] = False,
+    latex: Annotated[bool, flag("--latex", "print LaTeX for a document")] = False,
+    html: Annotated[bool, flag("--html", "print HTML for a browser")] = False,
+    modelica: Annotated[bool, flag("--modelica", "print the whole component as Modelica text")] = False,
 ) -> int:
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
     target, own = requested_component(target)

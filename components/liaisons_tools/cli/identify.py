@@ -13,17 +13,17 @@ from liaisons_tools.cli._command import Output, command, print_verdicts
 @command("""
     liaisons identify fit.toml
     liaisons identify fit.toml --output results
-    python -c "import liaisons; help(liaisons.identify)"    what stands in fit.toml
+    python -c "import liaisons; help(liaisons.identify)"    the keys of fit.toml
 """)
 def identify(
-    fit: Annotated[Path, typer.Argument(metavar="FIT.toml", help="keys are the arguments of liaisons.identify")],
+    fit: Annotated[Path, typer.Argument(metavar="FIT.toml", help="its keys are the arguments of liaisons.identify")],
     *,
     output: Output = None,
 ) -> int:
-    """Find parameters and start values from measurements, and say how sure they are.
+    """Estimate parameters and start values from measurements, with their standard errors.
 
-    Prints values with standard errors, and verdicts; writes the figure (.png), the film with the measured motion as a
-    ghost (.gif) and the residuals (_residuals.csv).  Exit status 1 when a verdict fails.
+    Prints the values and verdicts; writes the figure (.png), a film that also shows the measured motion (.gif),
+    and the residuals (_residuals.csv).  The exit status is 1 if a verdict fails.
     """
     from liaisons_motion.identification import identify_from_file
 

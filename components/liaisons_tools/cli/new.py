@@ -26,7 +26,7 @@ _OTHER_FOLDERS = ("dist", "figures", "fmus", "tests")
     pip install --editable "./my_mechanics[test]"
     pytest my_mechanics
 """)
-def new(name: Annotated[str, typer.Argument(metavar="NAME", help="of the module, and of its folder here")]) -> int:
+def new(name: Annotated[str, typer.Argument(metavar="NAME", help="name of the module and of its new folder")]) -> int:
     """Write a package that publishes a component, with its closed form, tests, a scenario and a page."""
     if not re.fullmatch("[a-z]([a-z0-9_]*[a-z0-9])?", name):
         raise ProjectError(f"{name!r}: a package is called by small letters, digits and _, for example my_mechanics")

@@ -41,13 +41,13 @@ _ZIG = "100 MB, 400 MB unpacked"
     liaisons animate motion.csv --fmu fmus/Pendulum.fmu --output motion.glb
 """)
 def animate(
-    fmu: Annotated[str, subject_argument(f"{_WHAT}|RESULT.csv", "a file, a component, or a result with --fmu")],
+    fmu: Annotated[str, subject_argument(f"{_WHAT}|RESULT.csv", "a file, a component, or a result (with --fmu)")],
     *,
     output: Annotated[
         Path,
         option(
             "FILE",
-            "ends in .gif, .png (a strip of instants), .mp4, .glb, .html or _visual.xml (OMEdit)",
+            "file to write: .gif, .png (a strip of snapshots), .mp4, .glb, .html or _visual.xml (OMEdit)",
             "--output",
             "-o",
         ),
@@ -67,14 +67,15 @@ def animate(
     join: Join = "quintic",
     smoothing: Smoothing = None,
     speed: Annotated[
-        float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
+        float | None,
+        option("X", "seconds of motion per second (default: 1, or more so that it lasts at most 20 s)", parser=float),
     ] = None,
-    turns: Annotated[float, option("N", "how often the camera goes round a spatial mechanism", parser=float)] = 0.0,
+    turns: Annotated[float, option("N", "number of turns of the camera about a spatial mechanism", parser=float)] = 0.0,
     recorded_fmu: Annotated[
-        Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")
+        Path | None, option("FILE", "the FMU of a result that is read from a CSV file", "--fmu")
     ] = None,
 ) -> int:
-    """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
+    """Simulate an FMU or an SSP archive, and write its motion as a film or a page."""
     from liaisons import read_result
     from liaisons_tools.cli._subject import requested_simulation
 
@@ -112,9 +113,9 @@ def show(
     ],
     *,
     output: Annotated[
-        Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
+        Path | None, option("FILE", "file for the page (default: NAME.html here)", "--output", "-o")
     ] = None,
-    launch: Annotated[bool, flag("--open/--no-open", "open it in the browser")] = True,
+    launch: Annotated[bool, flag("--open/--no-open", "open the page in the browser")] = True,
     prescribe: Prescribe = "",
     limits: Limits = False,
     balance_inertia: BalanceInertia = False,
@@ -124,13 +125,13 @@ def show(
     inputs: Inputs,
     join: Join = "quintic",
     smoothing: Smoothing = None,
-    controls: Annotated[str | None, option("NAME,...", "only these can be changed")] = None,
-    plots: Annotated[str | None, option("NAME,...", "plot these")] = None,
-    question: Annotated[str, option("TEXT", "stands above the picture")] = "",
+    controls: Annotated[str | None, option("NAME,...", "show controls only for these")] = None,
+    plots: Annotated[str | None, option("NAME,...", "plot only these signals")] = None,
+    question: Annotated[str, option("TEXT", "text above the picture")] = "",
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
 
-    Without the compiler for WebAssembly, or if --input moves forces or jumps, a page with the recorded motion.
+    Without the compiler for WebAssembly, or if --input moves forces or jumps, the page shows a recorded motion.
     """
     from liaisons.library import is_target
     from liaisons_tools.scenarios import load_lesson, names

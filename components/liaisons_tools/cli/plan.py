@@ -13,17 +13,17 @@ from liaisons_tools.cli._command import Output, command, print_verdicts
 @command("""
     liaisons plan goal.toml
     liaisons plan goal.toml --output results
-    python -c "import liaisons; help(liaisons.plan)"        what stands in goal.toml
+    python -c "import liaisons; help(liaisons.plan)"        the keys of goal.toml
 """)
 def plan(
-    goal: Annotated[Path, typer.Argument(metavar="GOAL.toml", help="keys are the arguments of liaisons.plan")],
+    goal: Annotated[Path, typer.Argument(metavar="GOAL.toml", help="its keys are the arguments of liaisons.plan")],
     *,
     output: Output = None,
 ) -> int:
-    """Plan the motion of active coordinates that reaches a goal at least cost, and prove it.
+    """Plan the motion of active coordinates that reaches a goal at least cost, and verify it.
 
-    Writes the plan (.json), its figure (.png), its animation (.gif) and its system (.ssp), and prints verdicts.  Exit
-    status 1 when one of them fails.
+    Writes the plan (.json), its figure (.png), its animation (.gif) and its system (.ssp), and prints verdicts.  The
+    exit status is 1 if a verdict fails.
     """
     from liaisons_motion.planning import plan_from_file
 

@@ -19,7 +19,7 @@ from liaisons_tools.cli._texts import requested_scenarios
     liaisons run
     liaisons run --theme contacts
     liaisons run --all
-    liaisons run K122                                   what verifies equation 122 of Kneller
+    liaisons run K122                                   those that verify equation 122 of Kneller
     liaisons run my_scenario.py --figures /tmp
 """)
 def run(
@@ -29,26 +29,26 @@ def run(
         typer.Argument(
             metavar="NAME|NUMBER|FILE.py",
             autocompletion=lambda: list(scenario_files()),
-            help="scenarios of this project, files, numbers of the two texts (default: list them by theme)",
+            help="scenarios of this project, files, or numbers of the two texts (default: list the scenarios by theme)",
         ),
     ] = None,
     *,
     theme: Annotated[
         str | None,
-        option("NAME", "run the scenarios of a theme", autocompletion=lambda: list(scenario_themes())),
+        option("NAME", "run all scenarios of a theme", autocompletion=lambda: list(scenario_themes())),
     ] = None,
     every: Annotated[bool, flag("--all", "run every scenario of this project")] = False,
     figures: Annotated[
         Path | None,
         option(
             "DIR",
-            "where figures go (default: figures/ beside the scenario, or here for those that came with the package)",
+            "folder for figures (default: figures/ next to the scenario, or here for scenarios of the package)",
         ),
     ] = None,
 ) -> int:
-    """Run scenarios: simulate, compare with the closed form, draw.
+    """Run scenarios: simulate, compare with closed forms, and draw.
 
-    Without a name, list them by theme.  Exit status 1 when a claim fails.
+    Without a name, list the scenarios by theme.  The exit status is 1 if a claim fails.
     """
     from liaisons_tools.scenarios import execute, load
 

@@ -93,16 +93,16 @@ def simulate(
         option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signal_completions),
     ] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
-    plain: Annotated[bool, flag("--plain", "write --csv without units and notes, for FMPy")] = False,
+    plain: Annotated[bool, flag("--plain", "write the --csv file without units and notes, for FMPy")] = False,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
-    verify: Annotated[bool, flag("--verify", "simulate again at half the step, show the differences")] = False,
+    verify: Annotated[bool, flag("--verify", "simulate again at half the step size and show the differences")] = False,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
-    diagram: Annotated[Path | None, option("FILE.svg", "draw the FMUs of a system, and what is connected")] = None,
+    diagram: Annotated[Path | None, option("FILE.svg", "draw the FMUs of a system and their connections")] = None,
     isolated: Annotated[
-        float, option("[S]", "FMUs in processes of their own, where a call may take so long (default: 60 s)")
+        float, option("[S]", "run FMUs in processes of their own, with a time limit for each call (default: 60 s)")
     ] = 0.0,
 ) -> int:
-    """Simulate an FMU or an SSP archive, and show what its signals did."""
+    """Simulate an FMU or an SSP archive, and print a summary of its signals."""
     from liaisons.results import IncompleteError, Interrupted
     from liaisons_tools.cli._subject import requested_simulation
 

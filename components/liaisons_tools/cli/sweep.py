@@ -104,7 +104,7 @@ def sweep(
         list[Any],
         repeated_option(
             "NAME=VALUES",
-            "values a,b,c or evenly spaced first:last:count; several times for a grid",
+            "values a,b,c or evenly spaced values first:last:count; given several times, for a grid",
             parser=_parsed_values,
         ),
     ],
@@ -112,14 +112,17 @@ def sweep(
         list[Any],
         repeated_option(
             "NAME=LOW:HIGH",
-            "uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
+            "uniform between two values, or normal:MEAN:DEVIATION; may be given several times; needs --samples",
             parser=_parsed_distribution,
         ),
     ],
     samples: Annotated[int | None, option("N", "number of random cases", parser=int)] = None,
-    seed: Annotated[int | None, option("S", "of the random cases (default: 0)", parser=int)] = None,
+    seed: Annotated[int | None, option("S", "seed of the random cases (default: 0)", parser=int)] = None,
     keep: Annotated[
-        list[str], option("SIGNAL,...", "what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min")
+        list[str],
+        option(
+            "SIGNAL,...", "signals to keep: SIGNAL for its last value, SIGNAL:max or SIGNAL:min for an extreme value"
+        ),
     ],
     starts: Starts,
     start: Start = None,
@@ -127,39 +130,39 @@ def sweep(
     step: Step = None,
     tolerance: Tolerance = None,
     csv: Annotated[Path | None, option("FILE", "write the table to a file")] = None,
-    plot: Annotated[Path | None, option("FILE", "draw the table: curves over one name, maps over two")] = None,
+    plot: Annotated[Path | None, option("FILE", "draw the table: curves if one value varies, maps if two do")] = None,
     journal: Annotated[
         Path | None,
         option(
             "FILE",
-            "write finished cases down; the same command goes on from there (default with --csv: beside that file, "
-            "deleted when nothing is left to do)",
+            "save finished cases in this file; the same command then continues from there (default with --csv: a file "
+            "next to the table, deleted when all cases are finished)",
         ),
     ] = None,
     retry: Annotated[
-        bool, flag("--retry", "simulate again, too, what the model has refused according to the journal")
+        bool, flag("--retry", "also repeat cases that, according to the journal, the model has refused")
     ] = False,
     time_limit: Annotated[
         Number,
         option(
             "SECONDS",
-            "end a case that takes longer, the loading of its FMUs included, and go on (default: none)",
+            "end a case that takes longer, including the loading of its FMUs (default: no limit)",
             parser=float,
         ),
     ] = None,
-    workers: Annotated[int | None, option("N", "number of processes (default: one a core)", parser=int)] = None,
+    workers: Annotated[int | None, option("N", "number of processes (default: one for each core)", parser=int)] = None,
     dask: Annotated[
         str | None, option("ADDRESS", "simulate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786")
     ] = None,
 ) -> int:
     """Simulate an FMU or a system for many cases, on all cores or on a Dask cluster.
 
-    An FMU and a Python file are code that runs here with your rights, and so does a Dask scheduler run code on its
-    workers and send back what is loaded here: take them from people you trust, and connect to a scheduler of your own
-    network only.
+    FMUs and Python files contain code, which runs on this machine with your rights.  A Dask scheduler runs code on its
+    workers, and what it returns is loaded here.  Take files only from people you trust, and connect only to a scheduler
+    in your own network.
 
-    A case that the model refuses is a result.  What the machine did not finish (no memory, a full disk, a process that
-    was killed, the time limit) is tried again when the same command is started with the same journal.
+    A case that the model refuses counts as finished.  Cases that the machine did not finish (no memory, a full disk, a
+    killed process, the time limit) are simulated again when the same command is started with the same journal.
     """
     from liaisons import sweep
 

@@ -29,11 +29,11 @@ _MARGIN = 12
     liaisons text K Ex. 9
     liaisons text M50-53 --latex
     liaisons text "M 8.4"                               Marle, example 8.4
-    liaisons text M 3.5                                 every number of a section
+    liaisons text M 3.5                                 all numbers of a section
     liaisons text KA2                                   a number of the errata
     liaisons text viriel                                in French or English
-    liaisons text Pendulum                              every number that a component has
-    liaisons text                                       the sections of both
+    liaisons text Pendulum                              all numbers that a component implements
+    liaisons text                                       the sections of both texts
 """)
 def text(
     words: Annotated[
@@ -41,13 +41,13 @@ def text(
         typer.Argument(
             metavar="NUMBER|WORDS",
             autocompletion=completions,
-            help="a number of Kneller (K) or Marle (M), a range, or words to search by (default: list the sections)",
+            help="a number of Kneller (K) or Marle (M), a range, or words to search for (default: list the sections)",
         ),
     ] = None,
     *,
-    latex: Annotated[bool, flag("--latex", "formulas for a document")] = False,
+    latex: Annotated[bool, flag("--latex", "print formulas as LaTeX, for a document")] = False,
 ) -> int:
-    """Look a number of the two texts up: its formula, corrected, where it lives, what verifies it."""
+    """Look up a number of the two texts: its corrected formula, where it is implemented, and what verifies it."""
     name = " ".join(words or ())
     if not name:
         print_table({"section": s.citation, "is about": s.says, "in the text": s.french} for s in sections())
