@@ -1,4 +1,4 @@
-"""Errors that name the object, the value received and the fix."""
+"""Errors, whose messages name the object, the value received and the fix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def one_line(text: str) -> str:
 
 
 class ComponentError(LiaisonsError):
-    """A component is declared wrongly: unknown symbol, singular mass matrix, missing unit, ..."""
+    """The declaration of a component is wrong: unknown symbol, singular mass matrix, missing unit, ..."""
 
 
 class BuildError(LiaisonsError):
@@ -42,7 +42,7 @@ class ConnectError(LiaisonsError):
 
 
 class SimulationError(LiaisonsError):
-    """An FMU refused a value or a step; the message carries the FMU's own words."""
+    """An FMU refused a value or a step; the message contains that of the FMU."""
 
 
 class InvalidValueError(SimulationError, ValueError):
@@ -50,7 +50,7 @@ class InvalidValueError(SimulationError, ValueError):
 
 
 class UnknownSignalError(SimulationError, KeyError):
-    """A result has no signal of this name; the message has the nearest one."""
+    """A result has no signal of this name; the message suggests the nearest name."""
 
 
 class RefusedError(SimulationError):

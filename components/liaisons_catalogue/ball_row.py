@@ -16,8 +16,8 @@ class BallRow(Mechanism):
 
         gap_i = x_(i+1) - x_i - D >= 0,    v⁺ >= max(0, -e v),    Λ >= 0,    Λ·(v⁺ - max(0, -e v)) = 0
 
-    By this rule of Moreau's, the two balls that touch move on as one body.  If there is a gap between them, however
-    small, they are struck one after the other; for equal masses and e = 1 the last ball then takes all of the motion.
+    By this rule (Moreau), the two balls that touch move on as one body.  If there is a gap between them, however small,
+    they are struck one after the other; for equal masses and e = 1 the last ball then takes all of the motion.
 
     Source: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, in J. J. Moreau and
     P. D. Panagiotopoulos (eds.), Nonsmooth Mechanics and Applications, Springer, 1988.

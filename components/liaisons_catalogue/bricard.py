@@ -13,7 +13,7 @@ def _rod() -> Body:
 
 
 class Bricard(Linkage):
-    """Loop of six rods along the edges of a cube, each hinge across the two rods that it joins; gravity moves it.
+    """Loop of six rods along the edges of a cube, each hinge perpendicular to its two rods; gravity moves it.
 
     Grübler's formula gives 6 (6 - 1) - 5 · 6 = 0 degrees of freedom.  The loop has one, because one of the constraints
     follows from the others.  By symmetry, hinges 1, 3, 5 turn together, and so do 2, 4, 6.

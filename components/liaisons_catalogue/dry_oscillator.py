@@ -28,7 +28,7 @@ class DryOscillator(Mechanism):
         belt at v:     stick-slip of period 2δ/v + (2/ω)(π - arctan(δω/v)),  δ = (μ_s - μ_k) m g/K
         K = 0, σ = A sin ωt, Aω² ≫ μ_k g:  mean velocity Aω sin(πF/2μ_k m g)
 
-    The normal force is the weight, so the thresholds of friction are constant.  ``mu_static`` must not be below
+    The normal force is the weight, so the bounds of the friction force are constant.  ``mu_static`` must not be below
     ``mu_sliding``.
     """
 

@@ -12,7 +12,7 @@ from liaisons_catalogue.regulator import READINGS
 
 
 class _CorrectedForce(SampledKnots, abstract=True):
-    """A force by knots, with a table of gains that corrects it."""
+    """A force given by knots, with a table of gains for its correction."""
 
     offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
     advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", DIMENSION)
@@ -25,7 +25,7 @@ for _i in range(1, READINGS + 1):
 
 
 class ForceRegulator(_CorrectedForce):
-    """Force that is constant between samples: the planned force, corrected by linear feedback of what was read.
+    """Force that is constant between samples: the planned force, corrected by linear feedback of measured values.
 
     Samples are taken at the knots, and once per period after the last of them; in Co-Simulation without event mode each
     has to be a communication point.  At the knot k, in the round n of a periodic motion::
@@ -33,7 +33,7 @@ class ForceRegulator(_CorrectedForce):
         y = next                                                    of the sample before
         next = clip(planned_(k+1) + offset_k + n advance_k - own_gain_k y - Σ gain_ki reading_i, lowest, highest)
 
-    so that a whole period is left to compute it.  Unused places for knots repeat the last knot.
+    so a whole period is available to compute the value.  Unused places for knots repeat the last knot.
     """
 
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)

@@ -17,8 +17,8 @@ class GeneralSwing(ShapedMechanism, abstract=True):
         L = ½ I(s) θ'² + Σ J_α(s) θ' s_α' + ½ Σ g_αβ(s) s_α' s_β' + D(s) cos θ        M eq. 56, the ½ restored
         p_θ = I θ' + Σ J_α s_α',    p_θ' = -D sin θ
 
-    θ [rad] angle of the centre of mass from the downward vertical, I [kg.m2], D [N.m]; J_α and g_αβ in units that go
-    with those of s_α.  None of them depends on θ, so X_K = 0 (M 8.4).
+    θ [rad] angle of the centre of mass from the downward vertical, I [kg.m2], D [N.m]; the units of J_α and g_αβ depend
+    on those of s_α.  None of them depends on θ, so X_K = 0 (M 8.4).
 
     Source: M 8.1, eq. 54-56.
     """

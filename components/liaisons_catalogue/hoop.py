@@ -17,7 +17,7 @@ class Hoop(PlaneCurve, abstract=True):
         ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
         K_Y = ½ (I + m b) Y²                                                  M eq. 63
 
-    β is the angle of OA.  I enters only the operator's torque.
+    β is the angle of OA.  The moment of inertia I enters only the operator's torque.
 
     Source: M 8.4, eq. 61-67.
     """

@@ -15,9 +15,9 @@ class Junction(Mechanism):
 
         F_x = m x'' + first_x_load + second_x_load          F_z = m (z'' + g) + first_z_load + second_z_load
 
-    An input has one source, so that only one mechanism can hang at a point.  With a junction at the point there can be
-    two, whose forces add up by virtual work (K eq. 14), and with a second junction at one of its points, three.  The
-    pin turns freely.
+    An input has only one source, so only one mechanism can hang at a point.  If a junction is at the point, two can
+    hang there, whose forces add up by virtual work (K eq. 14); with a second junction at one of the points of the
+    first, three can.  The pin turns freely.
     """
 
     mass = Parameter(0.0, "kg", "mass of the pin", minimum=0)

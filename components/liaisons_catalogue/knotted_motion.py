@@ -14,10 +14,10 @@ DIMENSION = Dimension("knots", KNOTS, "number of knots")
 
 
 class SampledKnots(Operator, SampledStates, abstract=True):
-    """A list of knots that may repeat itself, and samples there.
+    """A list of knots, which may be repeated periodically, and samples at the knots.
 
-    Samples are the knots, and one each period behind the last of them.  Knots that are nearer to each other than a
-    millionth of the period are both sides of a jump.
+    Samples are taken at the knots, and once per period after the last knot.  Two knots that are closer to each other
+    than a millionth of the period are the two sides of a jump.
     """
 
     instant = ParameterArray((), "s", "instants of the knots, ascending", DIMENSION)
@@ -48,7 +48,7 @@ class SampledKnots(Operator, SampledStates, abstract=True):
 
 
 class KnottedMotion(SampledKnots, abstract=True):
-    """A motion through knots, between them as PlannedMotion, and a correction of it."""
+    """A motion through knots, interpolated as by PlannedMotion, and a correction of this motion."""
 
     planned_rate = ParameterArray((), ANY, "rates at the knots, in units of y a second", DIMENSION)
     planned_acceleration = ParameterArray(

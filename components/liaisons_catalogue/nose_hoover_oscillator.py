@@ -25,8 +25,8 @@ class NoseHooverOscillator(Mechanism):
         m q'' = -K q - ξ m q',    ξ' = (m q'² - k_B T) / Q,    η' = ξ
         H' = m q'²/2 + K q²/2 + Q ξ²/2 + k_B T η is constant
 
-    A single oscillator is not ergodic, and parts of its phase space are chaotic, so over long times only H' can be
-    compared.  The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
+    A single oscillator is not ergodic, and parts of its phase space are chaotic, so for long times only H' can be
+    compared with a known value.  The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
 
     Source: K 4.2, end, with references 10 and 11.
     """

@@ -1,4 +1,4 @@
-"""The sampled PID controller with bounds and anti-windup."""
+"""The sampled PID controller with output bounds and anti-windup."""
 
 import casadi as ca
 import numpy as np

@@ -24,9 +24,9 @@ class PlannedMotion(Operator):
         y = y_k + y_k' τ + y_k'' τ²/2 + (10 D - 4 V h + A h²/2) (τ/h)³
             - (15 D - 7 V h + A h²) (τ/h)⁴ + (6 D - 3 V h + A h²/2) (τ/h)⁵
 
-    Two different knots at one instant are a jump, at which the later one holds.  The list ends where the instants no
-    longer increase, so knots that are left at 0 do not count.  Beyond both ends the polynomials continue.
-    ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
+    Two different knots at one instant are a jump; the value at that instant is that of the later knot.  The list ends
+    where the instants no longer increase, so knots that are left at 0 are ignored.  Beyond both ends the polynomials
+    continue.  ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
     """
 
     instant = ParameterArray((0.0, 1.0), "s", "instants of the knots, ascending; twice the same is a jump", _KNOTS)

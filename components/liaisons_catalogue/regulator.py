@@ -12,7 +12,7 @@ READINGS = 24
 
 
 class CorrectedMotion(KnottedMotion, abstract=True):
-    """A motion through knots, with tables of what corrects it: gains of readings, and bounds."""
+    """A motion through knots, with tables for its correction: gains of the measured values, and bounds."""
 
     offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
     advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", DIMENSION)
@@ -30,7 +30,7 @@ for _i in range(1, READINGS + 1):
 
 
 class Regulator(CorrectedMotion):
-    """Motion through knots, corrected by linear feedback of what was read at the last sample.
+    """Motion through knots, corrected by linear feedback of the values measured at the last sample.
 
     Samples are taken at the knots, and once per period after the last of them; in Co-Simulation without event mode each
     has to be a communication point.  From the sampled knot k on, in the round n of a periodic motion::

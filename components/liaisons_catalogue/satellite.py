@@ -35,7 +35,7 @@ class Satellite(Mechanism):
         from rest, H = 0, one wheel after the other or all in proportion: a turn by -J⁻¹ J_w Δφ, for any φ(t)
 
     The torques of the motors are λ.  Turns about different axes do not commute, so the satellite may have turned when
-    all wheels are back at the angles at which they began.
+    all wheels have returned to their first angles.
 
     Source: M 8.3, with 8.2.
     """

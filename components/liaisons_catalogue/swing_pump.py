@@ -14,8 +14,8 @@ class SwingPump(Operator):
 
         x_i' = rate (x_{i-1} - x_i),    y = low + (high - low) x_3
 
-    make y, y_dot and y_ddot continuous.  x [1] is the crouch, 0 when standing (low) and 1 when crouched (high); rate
-    [1/s] should be several times the swing's own Ω.
+    make y, y_dot and y_ddot continuous.  x [1] is the depth of the crouch: 0 when standing (low) and 1 when crouched
+    (high); rate [1/s] should be several times the swing's own Ω.
     """
 
     low = Parameter(0.95, ANY, "shortest length, standing")

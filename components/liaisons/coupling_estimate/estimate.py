@@ -2,10 +2,10 @@
 
 Within a step an input follows a polynomial.  The next divided difference, which includes the point before the step,
 estimates how far the source deviates from that polynomial: the remainder of Hermite interpolation (Hairer, Norsett,
-Wanner, Solving ODEs I, II.6).  What this does to the motion follows from ∂(acceleration)/∂(input), M eq. 50, by
-integrating over the step, once and twice.  Only these derivatives are needed, which Newton's method has anyway, or
-which are calculated once, at the start.  Without them, a relative error of an input is taken for a relative error of
-all that its FMU does.
+Wanner, Solving ODEs I, II.6).  The effect of this deviation on the motion follows from ∂(acceleration)/∂(input), M eq.
+50, by integrating over the step, once and twice.  Only these derivatives are needed; Newton's method has them anyway,
+otherwise they are calculated once, at the start.  Without them, the relative error of an input is taken as the relative
+error of all outputs of its FMU.
 """
 
 from __future__ import annotations

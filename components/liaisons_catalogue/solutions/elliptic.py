@@ -6,10 +6,10 @@ With k² = sin²(φ_0/2) + (φ'_0/2Ω)² (energy over that of the upper equilibr
 * rotation, k > 1:     φ/2 = ± am(u | 1/k²),      φ' = ± 2 Ω k dn(u | 1/k²), u = u_0 + k Ω t
 * separatrix, k = 1:   φ/2 = ± gd(u),             φ' = ± 2 Ω / cosh u,       u = u_0 + Ω t
 
-Near the separatrix everything hangs on the complementary parameter m_1 = 1 - m, m = k², which a function of m has lost
-to rounding.  All functions here take m_1, and are right to a few roundings however small it is.  What remains is the
-conditioning of the problem itself: a relative error ε of the data shifts u by about ε / |1 - k²| a swing, and the
-motion by e^Ωt while it passes the upper equilibrium.
+Near the separatrix everything depends on the complementary parameter m_1 = 1 - m, m = k², which is lost to rounding in
+a function of m.  All functions here take m_1, and are accurate to a few rounding errors however small m_1 is.  What
+remains is the conditioning of the problem itself: a relative error ε of the data shifts u by about ε / |1 - k²| per
+swing, and is amplified by e^Ωt while the motion passes the upper equilibrium.
 """
 
 from dataclasses import dataclass

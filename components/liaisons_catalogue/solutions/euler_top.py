@@ -7,8 +7,8 @@ is the angular momentum, 2E twice the energy.  With a, c pointed so that ω_a > 
     1 - k² = (A - C)(H² - 2EB) / ((A - B)(H² - 2EC))
     ψ' = H/A + H (1/C - 1/A) / (1 - n sn²u),    n = A (B - C) / (C (B - A)) <= 0
 
-ψ is the precession of axis a about H.  Differences such as H² - 2EC = A (A - C) ω_a² + B (B - C) ω_b² are taken in this
-form, which keeps its digits.
+ψ is the precession of axis a about H.  Differences such as H² - 2EC = A (A - C) ω_a² + B (B - C) ω_b² are computed in
+this form, in which no digits cancel.
 """
 
 import numpy as np

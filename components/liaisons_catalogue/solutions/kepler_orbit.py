@@ -1,7 +1,8 @@
 """Motion in the field -μ/r: ellipse, parabola and hyperbola in one formula, without cancellation in any of them.
 
 With Stumpff's functions c_k = c_k(β s²), β = 2μ/r - v² (μ/a on an ellipse) and the universal anomaly s, ds = dt/r,
-counted like the time from the pericentre r_p, where x points and the angular momentum is L (per unit mass)::
+counted like the time from the pericentre at the distance r_p, to which x points, with the angular momentum L per unit
+mass::
 
     t = r_p s c_1 + μ s³ c_3                Kepler's equation; E - e sin E = n t with E = s √β
     r = r_p + μ e s² c_2 = dt/ds            all terms positive

@@ -1,4 +1,4 @@
-"""The linear oscillator x'' + γ x' + ω_0² x = Re Σ f e^(iωt), whole in one formula for all regimes.
+"""The linear oscillator x'' + γ x' + ω_0² x = Re Σ f e^(iωt): its motion in one formula for all regimes.
 
 With the roots λ_1, λ_2 of λ² + γ λ + ω_0² (K eq. 126) the impulse response S and the response D to e^(iωt) from rest
 are divided differences of the exponential function,

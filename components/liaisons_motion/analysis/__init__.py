@@ -1,12 +1,12 @@
 """Functions that analyse the Lagrangian of a mechanism without simulation.
 
-Each takes a :class:`Mechanism` class (or its :class:`Equations`) and returns numbers, or a :class:`Quantity` that is
-evaluated by the names of its symbols::
+Each takes a :class:`Mechanism` class (or its :class:`Equations`) and returns numbers, or a :class:`Quantity`, which is
+evaluated with values of its symbols by name::
 
     H = analysis.hamiltonian(Pendulum)
     H.evaluate(theta=0.3, p_theta=1.0, length=2.0)
 
-Laws that constraints, contacts, friction, drives or loads break are refused, by the names of these.
+A law that constraints, contacts, friction, drives or loads break is refused, with an error that names what breaks it.
 
 ========================  ===================================================================  ===================
 conservation laws         cyclic_coordinates, noether                                          K 2.4

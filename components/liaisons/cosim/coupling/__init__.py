@@ -7,12 +7,13 @@ step, gives them polynomials through both ends for their inputs, steps them, and
 * ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and Sangiovanni-Vincentelli
   1982).  It converges if the forces depend only weakly on the accelerations; for two masses in line this means Θ/m < 1.
 * ``"implicit"``: Newton's method.  ∂F/∂x comes from the directional derivatives of the FMUs: at a communication point
-  forces are affine in accelerations, λ = λ_0 + Θ σ'' with the effective mass Θ (M eq. 50), and so this loop, which
-  makes explicit coupling unstable, is solved exactly whatever the ratio of the masses.  ∂F/∂x also contains how an
-  input moves a port by way of the port's acceleration.  All other effects through the states of the FMUs are of order
-  H; they are added by the secants of the iteration (Anderson 1965).
+  forces are affine in accelerations, λ = λ_0 + Θ σ'' with the effective mass Θ (M eq. 50), so this loop, which makes
+  explicit coupling unstable, is solved exactly for any ratio of the masses.  ∂F/∂x also contains how an input moves a
+  port by way of the port's acceleration.  All other effects through the states of the FMUs are of order H; they are
+  added by the secants of the iteration (Anderson 1965).
 
-Both end at the same solution.  Between the ends an input follows the polynomial that its data determine:
+Both methods converge to the same solution.  Between the ends of a step an input follows the polynomial that its data
+determine:
 
 =========================================  =======================  ====================================
 source                                     polynomial               error of the motion
@@ -26,8 +27,8 @@ input of an FMU that holds its inputs      mean of both ends        H²
 
 Outside of cycles the source has already been stepped, so both ends are known.  An output without derivatives is
 interpolated through points before t.  At the start, and for functions of time always, points within the step are used
-instead.  Discrete outputs keep their value at t until the end of the step.  At announced breaks the past is forgotten
-(``liaisons.cosim.running.breaks``).
+instead.  Discrete outputs keep their value at t until the end of the step.  At announced breaks, points before the
+break are no longer used (``liaisons.cosim.running.breaks``).
 
 FMI 2.0 FMUs of ours take the polynomials as derivatives of their inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there they take their inputs at the fifths of a step, in intermediate update mode, and follow the quintic through

@@ -15,9 +15,9 @@ that interpolates still has the inputs at t, and is given those at t + H.  By de
 stepped before it interpolates, since its order at ports is then 6 instead of 3.  A foreign FMU gets the newest values.
 With Jacobi coupling every input holds the value at t.
 
-In a cycle the components are stepped in the order in which they were added, and what feeds back to an earlier one
-belongs to t: an error of first order in H.  If in a cycle outputs depend directly on inputs all the way round (an
-acceleration-force loop), the loop is not solved: one sweep in that order is taken instead of the solution.
+In a cycle the components are stepped in the order in which they were added, and values that feed back to an earlier
+component are those at t: an error of first order in H.  If in a cycle outputs depend directly on inputs all the way
+round (an acceleration-force loop), the loop is not solved: one sweep in that order is taken instead of the solution.
 """
 
 from __future__ import annotations
