@@ -11,9 +11,10 @@ class OscillatorChain(Chain):
 
     ::
 
-        T = ½ m Σ u_j'², V = ½ κ Σ (u_j - u_(j-1))² m u_j'' = κ (u_(j+1) - 2 u_j + u_(j-1)) at the ends one spring only
-        Ω_k = 2 √(κ/m) sin(kπ/2N), φ_k(j) = cos(kπ (j - ½)/N), k = 0 ... N - 1 long waves travel at c = √(κ/m) Δx, all
-        others more slowly
+        T = ½ m Σ u_j'²,    V = ½ κ Σ (u_j - u_(j-1))²
+        m u_j'' = κ (u_(j+1) - 2 u_j + u_(j-1))     at the ends one spring only
+        Ω_k = 2 √(κ/m) sin(kπ/2N),    φ_k(j) = cos(kπ (j - ½)/N),    k = 0 ... N - 1
+        long waves travel at c = √(κ/m) Δx, all others more slowly
 
     The position of mass j is (j - ½) Δx.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is
     constant.
