@@ -2,8 +2,8 @@
 
 Seven bodies in a plane hang on a tree of seven hinges; three more hinges close loops, by six constraints with
 multipliers.  A motor turns the crank, a spring holds the rocker.  Each angle of the test set is the coordinate of a
-hinge; they are compared at t = 0.03.  The published multipliers are right to seven digits; the others are extrapolated
-from two step sizes, with the equations of the test set in extended precision.
+hinge; they are compared at t = 0.03.  The published multipliers are right to seven digits.  Further digits are
+extrapolated from two step sizes, with the equations of the test set in extended precision.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 K 2.2, released far from small angles.  Both angles are measured with noise for six seconds; their start values and both
 lengths are unknown.  Motions that are 1e-8 apart at the start are 0.001 apart at the end, so the sum of squares has
 many minima.  Multiple shooting, with segments that begin at measured values, leads to the true minimum.  One
-combination of the unknowns is then determined more sharply by the factor by which deviations have grown, the others as
-without chaos.
+combination of the unknowns is then determined more accurately, by the factor by which deviations have grown; the others
+are determined as accurately as without chaos.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ and P the periodic primitive of r², its remainder is
 
     (2π)² / (2 v² T²) · (<P(ξ_0 + vT - 2πa)> - 2π cov(a, r²)) + O(1/T³)
 
-If instead the speed along the turning hoop is given, there is no shift on average.  Here ensembles integrate the
+If instead the speed along the turning hoop is prescribed, there is no shift on average.  Here ensembles integrate the
 equations of the FMUs; scenario ``hannay_hoop`` runs the FMUs themselves for some beads.
 """
 

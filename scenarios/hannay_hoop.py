@@ -6,7 +6,7 @@ shift.  It is of order 1/T³, and one of its terms depends on the position ξ_0 
 SmoothStep is only C³ and its fourth derivative jumps there.
 
 The smooth start is essential.  If the rate itself jumps, p_ξ is continuous and the shift is -2πa(ξ_0).  If instead the
-speed of the bead along the turning hoop is given, there is no shift at all.
+speed of the bead along the turning hoop is prescribed, there is no shift at all.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """A pendulum is held upright by moving its pivot, either with feedback (LQR) or by shaking it (Kapitza).
 
 ``hold`` linearises about θ = π, solves Riccati's equation of the sampled loop, and a Regulator FMU reads the states
-every 20 ms.  The closed loop over one step is compared with the FMUs.  For comparison, a Sinusoid shakes pivot_z, a sin
-Ωt, which keeps the pendulum near the top without any measurement, from the same 0.2 rad.  ∫ |P| dt is the work that an
-operator has to do if no energy is recovered.  The shaker, which moves the bob to and fro, needs m a² Ω³ t/π cos² θ on
-average; feedback needs little more than the energy that lifts the bob.
+every 20 ms.  The predicted matrix of the closed loop over one step is compared with that of the FMUs.  For comparison,
+a Sinusoid shakes pivot_z, a sin Ωt, which keeps the pendulum near the top without any measurement, from the same 0.2
+rad.  ∫ |P| dt is the work that an operator has to do if no energy is recovered.  The shaker, which moves the bob to and
+fro, needs m a² Ω³ t/π cos² θ on average; feedback needs little more than the energy that lifts the bob.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """IFToMM benchmark A01: a pendulum released horizontally, its position right to 1e-3 for 2000 s, modelled in two ways.
 
 A mass of 1 kg on a massless rod of 1 m makes 840 swings with g = 9.81 m/s².  The error of the benchmark is the root
-mean square, over 4000 instants, of the relative errors of x and z, in which coordinates below 1e-3 m count as 1e-3 m
-(M. González et al., A benchmarking system for MBS simulation software, 2005-2010).  `Pendulum` has one coordinate;
+mean square, over 4000 instants, of the relative errors of x and z, where coordinates below 1e-3 m are replaced by 1e-3
+m (M. González et al., A benchmarking system for MBS simulation software, 2005-2010).  `Pendulum` has one coordinate;
 `CartesianPendulum` has three and two constraints, like most of the codes for which the benchmark was made.
 """
 

@@ -1,8 +1,8 @@
 """Planets obey Kepler's equation E - e sin E = n t and T² = 4π² a³/μ for every shape, and 2T̄ + V̄ = [p·r]/τ.
 
 K 2.5 (eq. 60 with the potential -μ m/r; with the printed sign it repels) and K 2.7.  Eq. 60 compares orbits of one
-shape; the third law holds for all shapes, here for nine of them.  The virial theorem (eq. 74, 2T̄ = -V̄) is a limit
-that is approached only as 1/τ; the identity holds for any τ, with p·r, which is printed as p·r'.
+shape; the third law holds for all shapes, and is tested for nine orbits.  The virial theorem (eq. 74, 2T̄ = -V̄) is a
+limit that is approached only as 1/τ; the identity holds for any τ, with p·r, which is printed as p·r'.
 """
 
 from __future__ import annotations

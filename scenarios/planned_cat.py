@@ -2,9 +2,9 @@
 
 M 8.2 with M 2: at p_φ = 0 the trunk turns by -∮ (J_1 dψ_1 + J_2 dψ_2)/I.  The least ∫ ½ ψ'·Θψ' dt, Θ = g - J Jᵀ/I,
 follows from Wong's equations: ψ moves like a charge in the field F = d(J/I) on the shape space with the metric Θ.  The
-reference solves them by shooting, from M eq. 58, with the momentum of φ as the charge.  A single loop costs least.
-Many loops, k in the time T, become Dido's circles about the point where the field B = F/√det Θ is strongest, at the
-cost k 2π |Δφ|/(T B).
+reference solves Wong's equations by shooting, from M eq. 58, with the momentum of φ as the charge.  A single loop costs
+least.  Many loops, k in the time T, become Dido's circles about the point where the field B = F/√det Θ is strongest, at
+the cost k 2π |Δφ|/(T B).
 """
 
 from __future__ import annotations

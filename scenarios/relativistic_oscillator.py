@@ -2,8 +2,8 @@
 
 L = -m c² √(1 - (x' + σ')²/c²) - k x²/2 is not T - V with a T quadratic in the rates, but it is hyper-regular (M 3): the
 FMU solves p = ∂L/∂x' for the velocity.  The period is compared with a quadrature of E = γ m c² + k x²/2.  While an
-operator shakes the other end of the spring, the motion is compared with that of y = x + σ, derived by hand: d(γ m
-y')/dt = -k (y - σ).
+operator shakes the other end of the spring, the motion is compared with the equation of y = x + σ, derived by hand: d(γ
+m y')/dt = -k (y - σ).
 """
 
 from __future__ import annotations

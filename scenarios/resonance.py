@@ -2,8 +2,7 @@
 
 K Fig. 7: ω_0 = 1 rad/s, |F_0|/m = 1, γ = ½, 1, 2, 4.  A Sinusoid moves the support of an Oscillator FMU, which for unit
 stiffness is a unit force.  The stationary motion is fitted over the last periods, when the transient has decayed.  K
-(122), ω_res = √(ω_0²-γ²/4), and K (123), an arctangent that jumps by π at ω_0, are misprints: the same FMUs refute
-both.
+(122), ω_res = √(ω_0²-γ²/4), and K (123), an arctangent that jumps by π at ω_0, are misprints, as the same FMUs show.
 """
 
 from __future__ import annotations

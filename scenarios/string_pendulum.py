@@ -1,7 +1,7 @@
 """A bob swung up on a string leaves its circle at the height (v² - 2gl)/3g, flies freely, and is caught with a tug.
 
-v is the speed at the lowest point, 2gl < v² < 5gl.  From the angle ψ above the horizontal the bob flies for the time 4
-u cos ψ/g, u² = gl sin ψ, and meets the circle at -3ψ, where an inelastic string removes the radial part of its
+Let v be the speed at the lowest point, 2gl < v² < 5gl.  From the angle ψ above the horizontal the bob flies for the
+time 4 u cos ψ/g, u² = gl sin ψ, and meets the circle at -3ψ, where an inelastic string removes the radial part of its
 velocity.
 """
 

@@ -2,7 +2,7 @@
 
 K Ex. 10: by Gauss's principle the friction is μ = -K r·r'/m v².  The motion stays in a plane and between two circles,
 whose radii follow from Lambert's W, and L exp(-V/3 k_B T) is constant.  The thermostat of scenario ``nose_hoover``
-works on average.
+keeps this value only on average.
 """
 
 from __future__ import annotations

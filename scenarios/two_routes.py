@@ -2,7 +2,7 @@
 
 K Ex. 1 and Ex. 9 in Cartesian coordinates, K Ex. 3 in θ.  CartesianPendulum enforces its constraints on positions; the
 GaussPendulum of this file has them only as constraints on velocities, K eq. 110, whose derivatives are g_1 and g_2 of
-the text.  K prints half of this μ_1, which the closed form by elliptic functions refutes.
+the text.  K prints half of this μ_1; the closed form by elliptic functions shows that this is wrong.
 """
 
 from __future__ import annotations
