@@ -85,13 +85,14 @@ def show(
 
     :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system,
         of which :meth:`System.flatten` makes one FMU where a port takes forces back.
-    :param further: components to be shown beside it, ``show("Pendulum", "DoublePendulum")``; and, last, the path.
+    :param further: components that are shown beside it, ``show("Pendulum", "DoublePendulum")``; the last one may be the
+        path.
     :param path: of the page; default: ``NAME.html`` in the working directory.
     :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own; a
         system has its own.
     :param controls: parameters, inputs and prescribed coordinates that can be changed; None: all.
     :param plots: at most four signals that are plotted, none by ``[]``; None: angles, with a choice of all.
-    :param question: what stands above the picture.
+    :param question: text above the picture.
     :param keywords: further start values, operators among them.
     :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
@@ -179,15 +180,16 @@ def tabulated(
 ) -> OperatorFmu:
     """Operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
 
-    It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
-    follow from the values.  A time that is repeated is a jump, which becomes a communication point.
+    It is a ``PlannedMotion``, with a polynomial of degree five between successive times.  Rates and accelerations that
+    are None follow from the values.  A repeated time is a jump, which becomes a communication point.
 
     :param times: [s], ascending, shape (n,), n >= 2.
-    :param join: ``"quintic"``: a spline with smooth acceleration, which overshoots beside steps; ``"pchip"``: cubics
-        that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
+    :param join: ``"quintic"``: a spline with smooth acceleration, which overshoots near steps; ``"pchip"``: cubics that
+        rise, fall and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
     :param smoothing: distance [s] between the knots of the quintic splines that fit noisy values best; None: the curve
         passes through all values.
-    :raises SimulationError: if these are not numbers, of unequal count, or do not ascend, or too few to be smoothed.
+    :raises SimulationError: if the arguments are not numbers or differ in length, if times do not ascend, or if there
+        are too few values to be smoothed.
     """
     from liaisons.base.knots import knots
 
@@ -223,7 +225,7 @@ def linearize(
 ) -> Linearization:
     """Linearize the equations of a component or an FMU at a point, which need not be an equilibrium.
 
-    The FMU's directional derivatives are compared with differences, and not believed where they contradict.
+    The FMU's directional derivatives are compared with finite differences; if the two disagree, this is an error.
 
     :param subject: name, file or class of a component, or path of an FMU of Model Exchange; a system is flattened
         first: ``linearize(system.flatten())``.

@@ -107,12 +107,13 @@ class Comparison:
 
 
 def compare(first: Result, second: Result) -> Comparison:
-    """Compare the signals that two results have in common, over the time that they have in common.
+    """Compare the signals that two results have in common, over the time that both cover.
 
-    If all points of one within that time are points of the other, the values there are compared. Else each result is
-    interpolated at the points of the other: by cubic Hermite polynomials (error of fourth order in the step) where the
-    rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second order), as a signal may jump.
-    Strings differ by 1 or not at all.  The second is converted to the units of the first.
+    If all points of one result within that time are points of the other, the values at these points are compared.
+    Otherwise each result is interpolated at the points of the other: by cubic Hermite polynomials (error of fourth
+    order in the step) where the rate ``x_dot`` of a signal ``x`` was recorded with it, otherwise by straight lines
+    (second order), since a signal may jump.  The difference of strings is 0 or 1.  The second result is converted to
+    the units of the first.
 
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """

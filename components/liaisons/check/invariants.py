@@ -25,10 +25,11 @@ _MOST_VALIDATED = 2**23
 
 
 def check_fmu(path: Path | str) -> Iterator[Verdict | str]:
-    """Yield verdicts on an FMU of any tool, and what its validator finds as text.
+    """Yield verdicts on an FMU of any tool, and the findings of its validator as text.
 
-    Its model description is valid, its default experiment can be simulated, half the communication step gives the same
-    signals, energy is accounted for where it has an account, and a step that is rolled back is repeated to the bit::
+    The claims are: its model description is valid; its default experiment can be simulated; half the communication step
+    gives the same signals; the energy balance closes, if there is one; and a step that is rolled back is repeated to
+    the bit::
 
         verdicts = [report for report in check_fmu("Pendulum.fmu") if isinstance(report, Verdict)]
 

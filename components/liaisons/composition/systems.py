@@ -46,7 +46,7 @@ def flatten(
     :param system: of FMUs of ours.
     :param output: folder; None: ``fmus/flat/``.  The file has the name of the system.
     :param components: components that are not in the catalogue, by the model name of their FMU.
-    :param backend: this and the further ones as in :func:`liaisons.build`.
+    :param backend: this and the further parameters are those of :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises SimulationError: if an FMU is none of these components.
     :raises ComponentError: if inputs depend on each other in a way that is not linear.

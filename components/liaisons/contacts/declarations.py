@@ -21,7 +21,7 @@ from liaisons.language import (
 
 
 class unilateral(ContactFormula):
-    """A unilateral liaison: an expression of the configuration that stays >= 0, as the distance of two bodies.
+    """A unilateral liaison: an expression of the configuration that stays >= 0, such as the distance of two bodies.
 
     Impacts obey Newton's law, v⁺ = -e v⁻ (docs/explanation/unilateral.md).
 
@@ -78,11 +78,12 @@ class unilateral(ContactFormula):
 
 
 class dry_friction(ContactFormula):
-    """Dry friction against a relative velocity, an expression linear in the rates, which those of operators enter.
+    """Dry friction against a relative velocity: an expression linear in the rates, including those of operators.
 
-    :param static: name of the parameter, or method, that bounds the force while it sticks [of the force].
-    :param sliding: name of the one that the force has while it slides; none: the same.
-    :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
+    :param static: name of the parameter, or method, that bounds the force during sticking [unit of the force].
+    :param sliding: name of the parameter, or method, that is the force during sliding; none: the same as ``static``.
+    :param normal: name of a unilateral liaison by whose force ``static`` and ``sliding`` are multiplied (Coulomb);
+        none: they are forces.
     :param size: of an array, as of a unilateral liaison; each element is bounded by that of the arrays that are named.
     :param last: as of a unilateral liaison.
     """

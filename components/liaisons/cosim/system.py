@@ -122,9 +122,9 @@ class System:
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a Python function,
             :func:`sampled`.
-        :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
-            result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
-            the FMU runs in this process, with a warning.
+        :param isolated: run the FMU in a process of its own: if it crashes, exits or hangs, the run ends with the
+            partial result and names the call.  A number is the longest time that a call may take [s]; True: a minute.
+            This works on Linux; elsewhere the FMU runs in this process, with a warning.
         :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port`` and connected.
         :param keywords: further start values; a keyword that names a setting is the setting.
@@ -191,15 +191,16 @@ class System:
     def connect(self, source: Port, target: Port) -> None:
         """Connect two ports: triples, points, or single variables.
 
-        * a signal or free coordinate with an active coordinate: value, rate and acceleration; from a free coordinate
-          or point the force goes back as its load, both directions at once;
+        * a signal or free coordinate with an active coordinate: value, rate and acceleration; in the other direction,
+          the force becomes the load of the free coordinate or point;
         * a named point with another (``upper["bob"]``, ``lower["pivot"]``): all their axes;
-        * else an output with an input; where their units differ by a factor or offset, values are converted.
+        * otherwise an output with an input; if their units differ by a factor or offset, values are converted.
 
         Source and target follow from causality, so the order of ports does not matter.  Nothing is connected unless
         everything fits.
 
-        :raises ConnectError: if causality or units clash, or an input has a source already; names both.
+        :raises ConnectError: if causality or units do not fit, or an input has a source already; the error names both
+            ports.
         """
         for port in (source, target):
             if not isinstance(port, Port):
@@ -246,7 +247,7 @@ class System:
     def isolated_copy(self, isolated: bool | float = True) -> Self:
         """Copy of the system whose FMUs run in processes of their own, as :meth:`add` says.
 
-        :raises SimulationError: if that is not a time.
+        :raises SimulationError: if ``isolated`` is not a time.
         """
         limit = time_limit(f"{self.name}: isolated =", isolated)
         parts = {name: part.isolated_copy(limit) if limit else part for name, part in self._parts.items()}
@@ -277,19 +278,19 @@ class System:
         :param times: the communication points themselves [s], increasing; those that differ by rounding count as one.
         :param tolerance: relative tolerance of the FMUs' solvers; None: that of each FMU's default experiment, or its
             own.
-        :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
-            error of first order in H where there are cycles; ``"implicit"`` and ``"waveform"`` repeat each step until
-            both of its ends fit, of fourth order between our FMUs.  None: implicit if a port is bidirectional and all
-            FMUs in its cycle can restore their states, or if signals into FMUs of ours make no cycle; else
-            Gauss-Seidel.
+        :param coupling: ``"gauss-seidel"`` steps sources before the FMUs that they feed, ``"jacobi"`` steps all FMUs
+            from the values at t: in cycles the error is of first order in H.  ``"implicit"`` and ``"waveform"`` repeat
+            each step until inputs and outputs agree at both of its ends; they are of fourth order between our FMUs.
+            None: implicit if a port is bidirectional and all FMUs in its cycle can restore their states, or if signals
+            into our FMUs form no cycle; otherwise Gauss-Seidel.
         :param error_tolerance: error allowed in a communication step, of what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.  None: the communication points are fixed.
-        :param record: a name ``"component.variable"`` or several; None: all outputs and inputs, of an FMU that has
-            neither its local variables.
-        :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
-            coordinate and its two rates, as for :func:`simulate`; None: no functions.
-        :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
+        :param record: a name ``"component.variable"`` or several; None: all outputs and inputs, or the local variables
+            of an FMU that has neither.
+        :param inputs: ``"component.variable"`` -> function of time [s] that returns the value of the input, or for an
+            active coordinate also its two rates, as for :func:`simulate`; None: no functions.
+        :param verify: simulate again with half the step size; ``result.error(name)`` is the difference over time.
         :param progress: show a progress bar on stderr.
         :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
         :returns: the signals at all communication points, with a warning if an FMU has ended the simulation early.
@@ -308,7 +309,7 @@ class System:
     ) -> Run:
         """Initialize the FMUs for a run that the caller steps.
 
-        Without ``stop_time`` it has no end.  The FMUs are handed out as objects of FMPy: ``run.fmu("cart")``.
+        Without ``stop_time`` the run has no end.  ``run.fmu("cart")`` is the object of FMPy for an FMU.
 
         Example::
 
@@ -317,7 +318,7 @@ class System:
                     run.step({"cart.x_force": -run["cart.x_dot"]})
             result = run.result
 
-        :param settings: those of :meth:`simulate`, as are the first two, but for ``verify``, ``progress`` and
+        :param settings: like the first two parameters, those of :meth:`simulate`, except ``verify``, ``progress`` and
             ``real_time``.
         :returns: the run, a context manager that releases the FMUs.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
@@ -378,8 +379,8 @@ class System:
     ) -> None:
         """Write the system as an archive with its FMUs.
 
-        The default experiment is that of the last run unless given, else the longest time and the shortest step of
-        the FMUs' default experiments.
+        Unless given, the default experiment is that of the last run, otherwise the longest time and the shortest step
+        of the FMUs' default experiments.
 
         :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all features).
         :param start_time: start of the default experiment [s].
@@ -481,7 +482,7 @@ def simulate(
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
-    Settings are those of :meth:`System.simulate`, but that None of the first five is the value in the FMU's default
+    Settings are those of :meth:`System.simulate`; for the first five, None means the value in the FMU's default
     experiment.
 
     :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
@@ -493,14 +494,15 @@ def simulate(
     :param tolerance: relative tolerance of the solvers; their own if the FMU has no value.
     :param coupling: of the FMU and its operators.
     :param error_tolerance: of a communication step; None: the communication points are fixed.
-    :param record: a name of a variable or several; None: all outputs and inputs, else the local variables.
+    :param record: a name of a variable or several; None: all outputs and inputs, or if there are none, the local
+        variables.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
-        return (s, s_dot, s_ddot).  It is called for the communication points, and its values are set as those of a
-        connected source; None: no functions.
-    :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
+        return (s, s_dot, s_ddot).  The function is called for the communication points, and its values are set like
+        those of a connected source; None: no functions.
+    :param verify: simulate again with half the step size; ``result.error(name)`` is the difference over time.
     :param progress: show a progress bar on stderr.
     :param real_time: simulated seconds per second of the clock, for which the run waits; None: it does not wait.
-    :param isolated: in a process of its own, as in :meth:`System.add`.
+    :param isolated: run the FMU in a process of its own, as in :meth:`System.add`.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
     :param keywords: further start values, ``theta_0=0.2``; a keyword that is also a setting is the setting, and a
@@ -552,7 +554,7 @@ def start(
                 run.step(theta_force=-run["theta_dot"])
         result = run.result
 
-    Arguments are those of :func:`simulate`, but for ``verify``, ``progress`` and ``real_time``; without ``stop_time``
+    Arguments are those of :func:`simulate`, except ``verify``, ``progress`` and ``real_time``; without ``stop_time``
     the run has no end.
 
     :param subject: path of an FMU; or a component by its name, file or class; or a system, or the path of its archive.

@@ -106,15 +106,16 @@ def sampled(
         controller = sampled(feedback, period=0.02, reads=["cart.theta", "cart.theta_dot"], writes=["cart.theta_force"])
         system.add("controller", controller)
 
-    With a ``state`` the function takes it first and returns it last, ``(outputs, state)``.  It must return a new one,
-    not change the one it is given: runs return to earlier states, and call again where readings at an instant change.
+    With a ``state`` the function takes it as the first argument and returns it last, ``(outputs, state)``.  It must
+    return a new state and not change the old one, because runs return to earlier states, and call the function again if
+    its inputs at an instant change.
 
     :param period: sampling period [s]: samples are at its multiples.
     :param reads: names of the arguments: variables ``"component.variable"``, with which they are connected, or names of
         inputs to be connected; ``"time"`` is the instant of the sample [s].
-    :param writes: names of what it returns, a number or a sequence of numbers, likewise.
-    :param state: what it remembers from sample to sample, at first; None: nothing.
-    :param delay: from a sample to the change of the outputs [s], at most the period.
+    :param writes: names of the numbers that it returns, in the same way.
+    :param state: state before the first sample; None: the function has no state.
+    :param delay: time from a sample to the change of the outputs [s], at most the period.
     :raises InvalidValueError: for anything but a function, a time out of range, and a name that is given twice.
     """
     if not callable(function):

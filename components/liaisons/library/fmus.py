@@ -265,7 +265,7 @@ def build(
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
     """Path of the FMU of one component, built first if it is missing or out of date.
 
-    :param backend: as of :func:`build`.
+    :param backend: as for :func:`build`.
     :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
     :raises ProjectError: if the component has no such size; else as :func:`build` does.
     """

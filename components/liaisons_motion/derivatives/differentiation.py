@@ -123,7 +123,7 @@ def sensitivities(
 ) -> Sensitivities:
     """Derivatives of the signals of a motion by start values, parameters and inputs.
 
-    What is differentiated are the steps that were taken: a finite difference of the same steps agrees::
+    The steps that were taken are differentiated, so finite differences of the same steps agree::
 
         s = sensitivities("Pendulum", by=["theta_0", "gravity"], stop_time=9, theta_0=2)
         s["theta"], s.derivative("theta", "gravity")

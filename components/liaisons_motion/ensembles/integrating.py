@@ -74,9 +74,10 @@ def ensemble(
 ) -> Result:
     """Results of many cases of a component, integrated together in compiled code.
 
-    Steps have one size.  Cases of a component with unilateral liaisons or dry friction take the steps of its FMU, with
-    its numbers: each case its own sizes, up to its own events.  So do cases that come near to where constraints lose
-    rank, or lead out of reach, and then a case that fails names what is prescribed there.
+    All steps have the same size.  If the component has unilateral liaisons or dry friction, each case takes the steps
+    of the FMU, of its own sizes, up to its own events, with the same results.  So do cases that come near to states in
+    which constraints lose rank or cannot be satisfied; the error of a case that fails there names the prescribed
+    coordinate.
 
     A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
     operator, whose parameters are values of the cases, too::

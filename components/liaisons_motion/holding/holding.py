@@ -108,13 +108,13 @@ def hold(
         regulator = hold(plan("Satellite", end={"attitude": (0, 0, 0, 1)}, duration=2.0))
         run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
 
-    Once a step the regulators read the states x and choose accelerations of σ, or forces, w, that minimise the sum of
-    Σ weight (x - x_0)² + effort w² over all steps.  A force acts one step after the sample that it answers; beside
-    moves of a plan it goes there along a straight line.  Each
-    variable is divided by its size: 1 for an angle, for a length that at which the mass has the angles' moment of
-    inertia (for a pendulum its length); time is in radians of the free motion.  A moved coordinate on which no equation
-    depends (the angle of a wheel) is held only if it is given by name.  A closed plan is repeated; if the mechanism can
-    rest at the end of a plan, it is held there.
+    Once a step the regulators read the states x and choose accelerations of σ, or forces, w, that minimise the sum of Σ
+    weight (x - x_0)² + effort w² over all steps.  A force acts one step after the sample from which it is computed; in
+    a plan that also moves coordinates it is linear between samples.  Each variable is divided by its typical size: 1
+    for an angle; for a length, the length at which the mass has the moment of inertia of the angles (for a pendulum its
+    length).  Time is measured in radians of the free motion.  A moved coordinate on which no equation depends (the
+    angle of a wheel) is held only if it is given by name.  A closed plan is repeated; if the mechanism can rest at the
+    end of a plan, it is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param at: equilibrium: values of coordinates, and of rates of σ; others as declared, at rest.
@@ -125,8 +125,8 @@ def hold(
     :param step_size: sampling period, the distance of communication points [s]; unless given about a sixteenth radian
         of the free motion, for a plan at most a fortieth of its duration.
     :param weights: of states by name; unless given 1 for coordinates, 0 for momenta.
-    :param effort: weight of accelerations and forces; 1, as that of the coordinates, by Bryson's rule: all variables
-        are divided by their sizes.
+    :param effort: weight of accelerations and forces; by default 1, like that of the coordinates (Bryson's rule), since
+        all variables are divided by their sizes.
     :param bounds: (low, high) of σ, σ̇, σ̈, controls and operator forces, ``{"pivot_x_ddot": (-5, 5)}``, at which the
         feedback saturates, beside those of the plan.  Bounds of forces become bounds of σ̈ along the undisturbed motion.
     :param measured: outputs that are measured: the regulators read the estimates of an observer (LQG); with ``noise``,

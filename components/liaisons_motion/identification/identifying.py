@@ -96,7 +96,7 @@ def identify(
     :param smoothing: distance [s] between knots of the splines of driving columns; None: one knot a value.
     :param start_time: time of the start values [s]; None: where each table begins.
     :param segments: of multiple shooting, for chaotic motions and poor start values; None: chosen if needed.
-    :param time_limit: duration of the search [s]; the error at its end carries the fit reached so far.
+    :param time_limit: duration of the search [s]; the error at its end contains the fit that was reached.
     :param tolerance: of the steps, relative.
     :param start_values: known values, and values of unknowns at which the search begins; default: declared values,
         and for start values of measured outputs the first measurements.

@@ -68,16 +68,17 @@ def plan(
         )
 
     Names are those of the FMU.  Values that start does not give are as declared, at rest; an orientation has its own
-    name, as a quaternion.  A function of the mechanism (``lambda m: m.bob_x - 1``) or the same as text stands for
-    start or end where something has to vanish, and for ``minimize``.
+    name, as a quaternion.  ``start`` and ``end`` may also be a function of the mechanism that has to vanish (``lambda
+    m: m.bob_x - 1``), or the same as text; ``minimize`` may be such a function, too.
 
     :param mechanism: name, file or class of a mechanism or chain.
     :param moves: active coordinates that the plan moves; unless given all, or none beside controls.  The others stay.
     :param controls: forces that the plan sets, ``"theta_force"``; they may jump.
     :param start: values of states (q, q_dot, p_q, σ, σ̇); (low, high) a range, None: free.
     :param end: values of anything that can be read.
-    :param closed: True, or names: what is moved comes back to where it was.
-    :param loops: end and duration are those of so many equal loops of what is closed; what is returned is one of them.
+    :param closed: True, or names: the moved coordinates return to their first values.
+    :param loops: number of equal loops of a closed motion; end and duration are those of all loops, and one loop is
+        returned.
     :param duration: [s]; (low, high): free.
     :param minimize: ``"motion"``: ∫ ½ σ̇ᵀΘσ̇ dt; ``"effort"``: ∫ λ² dt, of controls, too; ``"time"``; or an integrand.
         Unless given motion, or effort where only forces act.
@@ -87,16 +88,16 @@ def plan(
         name keeps its mode; ``"open"`` named twice in a row is a bounce.  ``"duration"`` is that of a phase, as above;
         free unless given.
     :param intervals: of the first mesh.
-    :param accuracy: the mesh is refined until the Hamiltonian is constant to this; None: it stays as it is.
-    :param tries: how many motions to start from, where extremals compete; the best one is kept, so that more of them
-        give nothing worse.  Unless given, 4 that agree are enough, 8 the most.
+    :param accuracy: the mesh is refined until the Hamiltonian is constant to this accuracy; None: it is not refined.
+    :param tries: number of initial guesses, if there are several extremals; the best motion is kept, so more guesses
+        never give a worse one.  Unless given, the search ends after 4 that agree, or after 8.
     :param guess: a plan of the same kind to start from.
     :param time_limit: [s]; then, or at Ctrl-C, the best motion so far is returned, with ``motion.finished`` False.
     :param progress: show a progress bar on stderr.
     :param start_values: parameters, and inputs that stay constant, by name.
     :param keywords: further ones; a keyword that is also a setting is the setting.
-    :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
-    :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
+    :returns: the motion.  Do not rely on IPOPT's report alone: ``motion.verify()`` replays it through the FMUs.
+    :raises PlanError: for an unknown name, with the nearest one; for an end that cannot be reached, with the reason.
     """
     with start_value_hints({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
         goal = Goal.checked(

@@ -54,12 +54,13 @@ def sweep(
         table = sweep("Pendulum", grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
                       keep=["theta", "theta:max"], stop_time=10.0)
 
-    A case gives the same numbers, bit by bit, in any order and on any machine, as far as the FMU itself does.  A case
-    that fails is recorded and the others go on.  A failure of the model is final; a failure of the machine (no memory,
-    a full disk, a process that was killed, the time limit) is tried again at the next start with the same journal.
+    A case gives the same numbers, bit by bit, in any order and on any machine, if the FMU itself does.  A case that
+    fails is recorded, and the others continue.  A failure of the model is final; after a failure of the machine (no
+    memory, a full disk, a killed process, the time limit) the case is simulated again at the next start with the same
+    journal.
 
-    FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
-    scheduler can run code there, too.  Take them from people you trust.
+    FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; everyone who can reach a
+    Dask scheduler can run code there, too.  Take FMUs and functions only from people you trust.
 
     :param subject: path of an FMU; or a component by its name, file or class; or a system.
     :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:

@@ -44,8 +44,8 @@ _LONGEST_BREAK_STEP = 1e-6
 class Run:
     """Running FMUs of a simulation; a context manager that releases them.
 
-    It can start again, with other start values: every FMU goes back to the state that it had when it was instantiated,
-    so that a run gives the same numbers whatever was before it.
+    It can start again, with other start values: every FMU returns to the state that it had when it was instantiated, so
+    a run gives the same numbers whatever was done before.
 
     :param folders: folder of each extracted FMU; None: they are extracted for this run only.
     :param again: whether it is to start several times.
@@ -87,7 +87,8 @@ class Run:
     def fmu(self, name: str) -> Any:
         """The object of FMPy that is an FMU: ``FMU2Slave``, ``FMU2Model``, ``FMU3Slave`` or ``FMU3Model``.
 
-        Anything that FMPy offers may be done with it, except what the run does: step, reset, terminate and free it.
+        You may do anything with it that FMPy offers, except what the run does itself: step, reset, terminate and free
+        it.
 
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
@@ -110,7 +111,7 @@ class Run:
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
         """Simulate to the end.
 
-        :param on_progress: called now and then with the time that is reached [s].
+        :param on_progress: is called from time to time with the time that was reached [s].
         :raises SimulationError: if an FMU refuses something.
         """
         self._stepping.finish(on_progress)
@@ -173,7 +174,7 @@ class Run:
         return self._variables.read(name)
 
     def pace(self, factor: float = 1.0) -> None:
-        """Wait, from now on, after each step until the clock has advanced as much.
+        """From now on, wait after each step until the clock has advanced as much as the run.
 
         :param factor: simulated seconds per second.
         :raises SimulationError: unless it is positive.
@@ -214,7 +215,8 @@ class Run:
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, without instantiating the FMUs again.
 
-        After an error the run is in the state that it had, if the FMUs can return to it; else it has none.
+        After an error the run is in the state that it had before, if the FMUs can return to it; otherwise it has no
+        state.
 
         :param start_values: where they differ from those that the run was made with; of a system by
             ``"component.variable"``.
@@ -236,10 +238,10 @@ class Run:
             raise
 
     def linearize(self) -> Linearization:
-        """The linear system that deviations from the present point follow; its outputs are those that are recorded.
+        """The linear system of deviations from the present point; its outputs are those that are recorded.
 
-        Its inputs are those that nothing feeds, those of functions of time, and outputs of sampled components, which
-        hold.
+        Its inputs are inputs without a source, inputs that functions of time feed, and the outputs of sampled
+        components, which are constant between samples.
 
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """

@@ -34,7 +34,7 @@ class Signal:
     """Function of time [s] with the instants at which its value or one of its rates jumps.
 
     ``inputs={"length": Signal(lambda t: (1 + abs(t - 0.5), np.sign(t - 0.5), 0.0), breaks=[0.5])}``: a run has
-    communication points there, and evaluates the function before and after each, not at it.
+    communication points at these instants, and evaluates the function before and after each, not at it.
 
     :param function: returns a number, or value, rate and acceleration.
     :param breaks: instants [s].
