@@ -34,10 +34,10 @@ def motion(
         swing = liaisons_motion.jax.motion("Pendulum", [0.0, 0.5, 1.0], theta_0=0.5)
         jax.grad(lambda values: swing(values)["theta"][-1])({"length": 1.2, "gravity": 9.81})
 
-    ``jit``, ``grad``, ``jacfwd``, ``jacrev`` and ``vmap`` take it; there are derivatives of first order.  What is
-    differentiated are the steps that are taken: ``jacfwd`` costs one run with the derivatives by all values, ``grad``
-    one run forwards and one backwards, ``jacrev`` such a pair for each number of the result.  ``vmap`` takes one case
-    after another, each with steps of its own.
+    ``jit``, ``grad``, ``jacfwd``, ``jacrev`` and ``vmap`` accept it; derivatives are of first order only.  The steps
+    that are taken are differentiated: ``jacfwd`` costs one run with the derivatives with respect to all values,
+    ``grad`` one run forwards and one backwards, ``jacrev`` such a pair for each number of the result.  ``vmap`` runs
+    one case after the other, each with its own steps.
 
     :param component: its name, file or class; a model, system or FMU, as :func:`liaisons.sensitivities` takes.
     :param times: at which the signals are returned [s].

@@ -14,7 +14,7 @@ __all__ = ["component_test"]
 
 
 def component_test(component: Target) -> Callable[..., None]:
-    """Return a test of pytest that has a case for each verdict of :func:`liaisons.check_component`.
+    """Return a pytest test with a case for each verdict of :func:`liaisons.check_component`.
 
     One line of a test file is enough, ``test_pendulum = component_test(Pendulum)``.  The message of a case that fails
     names the changes of the source with which equations and closed form agree.

@@ -35,18 +35,19 @@ class Result(LabelledSignals):
     :param names: names of the signals, those of elements one by one; of a sweep, what was varied, then what was kept.
     :param values: shape (len(names), times), (len(names), cases) or (len(names), times, cases).
     :param units: name -> unit, of whole arrays too; empty where there is none.
-    :param failures: number of a case, from 0 -> why it has failed; its values are not-a-number from there on.
-    :param unfinished: failures of the machine, not of the model: the same sweep with its journal tries them again.
-    :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
-        (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
-        Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
+    :param failures: number of a case, from 0 -> why it has failed; its values are not-a-number from the failure on.
+    :param unfinished: cases that the machine, not the model, has not finished: the same sweep with its journal repeats
+        them.
+    :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape (len(names),
+        cases), from runs with steps twice and four times as long; infinite where these runs do not converge.  Of a
+        simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of the error that coupling and impacts add in each step, relative
         to the largest value of the signal's unit in the run, the largest of all signals, shape (times,); not-a-number
         where it is unknown, for instance where an impulse is lost.  Their sum is the error of the run.
     :param compiled: of an ensemble, whether compiled code simulated it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.
-    :param ports: value -> names of its port, where an FMU calls them otherwise than ours do; none from a file.
+    :param ports: value -> names of its port, if an FMU names them differently from ours; none from a file.
     :param scene: picture of what was simulated; None after reading from a file, a sweep or an ensemble.
     :param warnings: warnings of the simulation, each text once, whatever the logger's level; of a sweep, a hundred at
         most, with the number of the case.
@@ -57,8 +58,8 @@ class Result(LabelledSignals):
 
         Between them, ``# title: ...`` and a line ``# warning: ...`` each; error estimates are columns behind the
         signals.  Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
-        ``pandas.read_csv(path, comment="#")`` or ``numpy.genfromtxt(path, delimiter=",", names=True)``.  Where there
-        are cases, the last column, ``failure``, says why one has failed.  The file appears when it is complete.
+        ``pandas.read_csv(path, comment="#")`` or ``numpy.genfromtxt(path, delimiter=",", names=True)``.  If there are
+        cases, the last column, ``failure``, gives the reason of each failure.  The file appears when it is complete.
 
         :param plain: leaves out units and notes, which FMPy's ``--input-file`` cannot read.
         :raises SimulationError: if it cannot be written.
@@ -135,7 +136,7 @@ class Result(LabelledSignals):
         A sweep on a grid of two values is drawn as a map of each signal: the first value to the right, the second one
         up, the signal as a colour; what has failed stays blank.
 
-        :param names: what to draw, one by one or in a list; if nothing is named, what
+        :param names: names of the signals, one by one or in a list; without names, those that
             :func:`liaisons.pictures.default_names` chooses, or the first six maps.
         :param over: signal on the horizontal axis, for phase portraits; else time, or of a sweep what was varied, if it
             is one ascending value, else the number of the case.
@@ -143,8 +144,8 @@ class Result(LabelledSignals):
             a new figure.
         :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
             and elsewhere ``matplotlib.pyplot.show`` shows it.  ``.pdf`` and ``.svg`` are drawn as lines.
-        :param labels: what stands for a name, ``{"theta": "θ", "time": "t"}``; a signal that is alone in its diagram
-            has it at the axis instead of a legend.
+        :param labels: labels by name, ``{"theta": "θ", "time": "t"}``; for a signal that is alone in its diagram, the
+            label is at the axis instead of in a legend.
         :param title: of the figure; "" for none.
         :param width: of the figure [m], 0.085 for one column of a paper: letters of 8 pt, legends inside.
         :raises SimulationError: if a name is unknown, the width is not positive, the signals need more than the axes,
@@ -170,7 +171,7 @@ class Result(LabelledSignals):
         :param speed: seconds of motion per second; real time unless that takes longer than 20 s.
         :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``; drawn in
             gif, png and mp4 only.
-        :param turns: how often the camera circles a spatial mechanism.
+        :param turns: number of turns of the camera about a spatial mechanism.
         :returns: the speed.
         :raises SimulationError: for another ending, a ghost where none is drawn, a missing extra, a result without a
             picture, or numbers that are not finite.

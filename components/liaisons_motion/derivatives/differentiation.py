@@ -32,9 +32,10 @@ class Sensitivities:
     """Signals of a motion over time, ``s["theta"]``, and their derivatives, ``s.derivative("theta", "theta_0")``.
 
     :param signals: by name, with units.
-    :param names: of the values that they are differentiated by.
-    :param derivatives: shape (signals, times, values); not-a-number, with a warning, where there are none: at an
-        event, behind one that happens for some neighbouring values only, beside one that differences of runs straddle.
+    :param names: of the values with respect to which they are differentiated.
+    :param derivatives: shape (signals, times, values); not-a-number, with a warning, where they do not exist: at an
+        event; after an event that happens only for some neighbouring values; and next to an event if runs are compared
+        by finite differences across it.
     :param units: of the values.
     :param method: ``"steps"``: of the steps that were taken; ``"directional derivatives"`` of FMUs; ``"differences"``.
     """
@@ -183,7 +184,7 @@ def gradient(
     Its cost does not grow with the number of values in ``by``.
 
     :param cost: CasADi expression of ``m["theta"]``, a column over the recorded times; of an array a matrix.
-    :param by: this and the further ones as of :func:`sensitivities`.
+    :param by: this and the further parameters are those of :func:`sensitivities`.
     :raises SimulationError: also if the cost is not one number.
     """
     if not callable(cost):

@@ -369,7 +369,7 @@ class DifferentiableMotion(SteppedMotion):
         return replace(self, times=recorded_times(times, self.start_time), frozen_steps=(None, []))
 
     def frozen(self, values: ArrayLike) -> Self:
-        """The same motion with the steps for these values, taken wherever events come in the same order."""
+        """The same motion with the steps chosen for these values, as long as events occur in the same order."""
         k = self._checked_values(values)
         segments = self._segments(k)
         return replace(self, frozen_steps=(_instant_order(segments), self._step_ends(k, segments)))

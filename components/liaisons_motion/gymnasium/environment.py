@@ -38,7 +38,8 @@ class Environment(gymnasium.Env[Any, Any]):
         )
 
     ``reset(options={"theta_0": 0.3})`` sets start values of one episode.  ``info`` has the energy balance at every
-    step; what an FMU refuses ends the episode, and ``info["failure"]`` says why.  Settings are those of :class:`Task`.
+    step.  A step that an FMU refuses ends the episode, and ``info["failure"]`` gives the reason.  Settings are those of
+    :class:`Task`.
 
     :raises LiaisonsError: for an unknown name, an empty range, or a value that the subject cannot have.
     """
@@ -142,8 +143,9 @@ class Environment(gymnasium.Env[Any, Any]):
     def optimum(self) -> Plan:
         """Motion of largest return from the start of this episode until ``stop_time``, see :func:`liaisons.plan`.
 
-        Its cost is the integral of the negative reward, so that ``-optimum.cost`` less a return is the regret.  Acts of
-        the plan are not held; what ``stop`` forbids goes into ``goal``, as bounds.  It takes seconds, once an episode.
+        Its cost is the integral of the negative reward, so the regret is ``-optimum.cost`` minus the return.  Actions
+        of the plan are not constant over steps.  State the limits of ``stop`` in ``goal``, as bounds.  The computation
+        takes seconds, once per episode.
 
         :raises PlanError: if there is no such motion.
         """

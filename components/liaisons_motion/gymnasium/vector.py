@@ -26,11 +26,11 @@ _MOST_COPIES = 10**7
 
 @final
 class VectorEnvironment(VectorEnv[Any, Any, Any]):
-    """Copies of an :class:`Environment` of one component, integrated together, each with draws of its own.
+    """Copies of an :class:`Environment` of one component, integrated together, each with its own random values.
 
-    An episode that has ended is reset by the next step.  Half a step is one of a method of eighth order; the energy
-    balance in ``info`` is what its errors have summed up to since the reset.  With unilateral liaisons or dry friction
-    half a step is that of the FMU, with its numbers.
+    An episode that has ended is reset by the next step.  Each half step is one step of a method of eighth order; the
+    energy balance in ``info`` is the sum of its errors since the reset.  With unilateral liaisons or dry friction each
+    half step is that of the FMU, with the same numbers.
 
     :raises LiaisonsError: as for :class:`Environment`, and for samples and arrays of values.
     """

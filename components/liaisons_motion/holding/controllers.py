@@ -109,7 +109,7 @@ class Controller:
 
     @property
     def driven(self) -> tuple[str, ...]:
-        """Names of what has a regulator: moved coordinates, then forces."""
+        """Names of the variables that have a regulator: moved coordinates, then forces."""
         return (*self.moves, *self.controls)
 
     @property
@@ -402,10 +402,10 @@ class Controller:
         """Verdicts: runs of the FMUs agree with the linear prediction, and follow the undisturbed motion.
 
         The measured matrix of one step, or of the whole trajectory, and its multipliers are the predicted ones;
-        controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or
-        until well after the end of the plan.  With an observer, in addition: 200 random runs have errors of the size
-        that their covariance says, and at an equilibrium the multipliers of the loop are those of the feedback and of
-        the observer, and its cost is that of the closed formula.
+        controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or until
+        well after the end of the plan.  With an observer, in addition: the errors of 200 random runs have the predicted
+        covariance; at an equilibrium the multipliers of the loop are those of the feedback together with those of the
+        observer, and its cost is that of the closed formula.
         """
         if self.observer:
             return [*replace(self, observer=None).verify(), *self._verify_estimates(self.observer)]

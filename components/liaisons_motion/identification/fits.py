@@ -134,7 +134,7 @@ class Fit:
     def verify(self) -> list[Verdict]:
         """Verdicts: replay through the FMUs, tests of residuals, variances of 200 fits, finer steps.
 
-        ``liaisons.check.table`` prints them; ``all(v.passed for v in ...)`` is their conjunction.
+        ``liaisons.check.table`` prints them; ``all(v.passed for v in ...)`` says whether all pass.
         """
         return list(verdicts(self.estimate, self.replay()))
 

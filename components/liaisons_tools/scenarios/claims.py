@@ -29,9 +29,9 @@ def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
     """Return a bound for claims: a tolerance with its unit and reason.
 
     :param tolerance: largest error that is allowed, >= 0.
-    :param unit: SI unit of error and tolerance; empty for what is relative or a count.
-    :param because: why this tolerance.
-    :raises ValidityError: for a tolerance that is no number, or without a reason.
+    :param unit: SI unit of error and tolerance; empty for a relative error or a count.
+    :param because: the reason of this tolerance.
+    :raises ValidityError: for a tolerance that is not a number, or has no reason.
     """
     check_finite("within: tolerance", tolerance, ValidityError)
     if not (isinstance(unit, str) and isinstance(because, str) and because):
@@ -43,7 +43,8 @@ def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
 class Claims:
     """Collector that a scenario calls with each claim; ``verdicts`` are those so far.
 
-    All raise :class:`ValidityError` for numbers that are none or cannot be compared, and for a bound that is none.
+    All methods raise :class:`ValidityError` for values that are not numbers or cannot be compared, and for a bound that
+    is not one.
     """
 
     def __init__(self) -> None:

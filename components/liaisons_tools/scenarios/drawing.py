@@ -26,11 +26,11 @@ def panels(
 ) -> list[Any]:
     """Make the scenario's figure; return the axes of its panels, from left to right.
 
-    :param labels: of each panel its title and what stands along x and y, with units; a panel of four is in space.
-    :param mosaic: their arrangement where they do not stand in one row, "ab;cc": the first is a, the second b ...
+    :param labels: for each panel its title and the labels of x, y and, if it is three-dimensional, z, with units.
+    :param mosaic: arrangement of the panels if it is not one row, "ab;cc": the first is a, the second b ...
     :param size: width and height of the figure [in].
     :param options: of ``matplotlib.pyplot.subplot_mosaic``: ``width_ratios``, ``sharex`` ...
-    :raises ValidityError: for labels that are not three or four, or a mosaic that has not as many panels.
+    :raises ValidityError: unless each panel has three or four labels, and the mosaic has as many panels.
     """
     import matplotlib.pyplot as plt
 
@@ -53,12 +53,12 @@ def panels(
 
 
 def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any) -> None:
-    """Draw points of a reference, through which a curve has to pass.
+    """Draw points of a reference, through which a curve should pass.
 
     :param axis: a panel.
     :param x: along the axis, shape (n,).
     :param y: across, shape (n,).
-    :param every: one dot for so many points; some forty dots in all unless given.
+    :param every: number of points per dot; unless given, about forty dots are drawn.
     :param style: of the dots as for ``axis.plot``, and their label; small and black unless given.
     """
     x, y = np.asarray(x), np.asarray(y)
