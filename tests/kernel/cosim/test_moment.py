@@ -10,6 +10,10 @@ import pytest
 from making import FmuPaths, wired
 
 from liaisons import Signal, System
+from liaisons.cosim import Call
+from liaisons.cosim.compiled import library as compiled
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.running.loop import Loop
 
 Made = tuple[System, dict[str, Any]]
 
@@ -100,3 +104,61 @@ def test_progress_comes_back(component: FmuPaths) -> None:
         assert progress.errors == []
         run.step()
     assert run.time == pytest.approx(0.1)
+
+
+def _counting_loop() -> Loop:
+    """A loop on a bus of one value, which a step increases by one."""
+    bus = Bus(["clock"], {}, [("clock", "ticks")], [], {})
+
+    def tick() -> None:
+        bus.values[0] += 1
+
+    return Loop([Call(tick)], [], bus, capacity=2)
+
+
+def _points(loop: Loop) -> list[tuple[float | None, ...]]:
+    """Columns of the recorded points; None for what is not a number."""
+    columns = loop.rows[:, 0], loop.times, loop.result_times, loop.after_break
+    return [tuple(None if np.isnan(value) else value for value in c[: loop.done].tolist()) for c in columns]
+
+
+@pytest.mark.core
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("language", ["C", "Python"])
+def test_saved_points_are_those_of_a_list(language: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points that saved states share come back whatever has taken their places: the reference copies all of them."""
+    if language == "Python":
+        monkeypatch.setattr(compiled, "step_library", lambda: None)
+    loop, random = _counting_loop(), np.random.default_rng(seed)
+    saved: list[tuple[Any, list[tuple[float | None, ...]]]] = []
+
+    loop.add(0.0, np.zeros(1), result_time=0.0)
+    for _ in range(300):
+        before = _points(loop)
+        match random.choice(["advance", "add", "break", "truncate", "join", "save", "restore"]):
+            case "advance":
+                steps = int(random.integers(1, 5))
+                loop.advance(loop.end + np.arange(1, steps + 1), in_result=bool(random.integers(2)))
+                assert np.diff(loop.rows[loop.done - steps : loop.done, 0]).tolist() == [1.0] * (steps - 1)
+                assert [column[:-steps] for column in _points(loop)] == before
+            case "add":
+                loop.add(loop.end + 0.5, random.random(1), after_break=bool(random.integers(2)))
+                assert [column[:-1] for column in _points(loop)] == before
+            case "break":
+                loop.begin_piece(1e-3)
+                assert loop.begins_piece
+            case "truncate":
+                kept = int(random.integers(1, loop.done + 1))
+                loop.truncate(kept)
+                assert _points(loop) == [column[:kept] for column in before]
+            case "join" if loop.done > 3:
+                loop.join(2, in_result=True)
+                assert (loop.done, loop.end, loop.time) == (len(before[0]) - 1, before[1][-1], before[1][-1])
+            case "save":
+                saved.append((loop.save(), before))
+            case "restore" if saved:
+                state, kept_points = saved[int(random.integers(len(saved)))]
+                loop.restore(state)
+                assert _points(loop) == kept_points
+        assert not loop.after_break[loop.done :].any()
+    assert len(saved) > 20

@@ -146,9 +146,9 @@ class Loop:
     def join(self, steps: int, *, in_result: bool) -> None:
         """Make one step of the last ones, at whose end is a point of the result or none."""
         first, last = self.done - steps, self.done - 1
+        self.truncate(first + 1)  # first: what was saved is copied before it changes
         for array in (self.rows, self.times):
             array[first] = array[last]
-        self.truncate(first + 1)
         self.result_times[first] = self.times[first] if in_result else math.nan
 
     def begin_piece(self, tiny_step: float) -> None:
@@ -178,7 +178,6 @@ class Loop:
     def restore(self, saved: tuple[_Piece, Sequence[Any]]) -> None:
         """Replace all points by saved ones."""
         piece, ends = saved
-        self._make_room(piece.end + 1 - self.done)
         self._history.restore(piece, self._arrays)
         for array, end in zip(self._arrays, ends, strict=True):
             array[piece.end : piece.end + 1] = end
