@@ -44,9 +44,9 @@ def main(claim: Claims) -> None:
     errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
     why = "in standard errors; both fits stop when the sum of squares changes by less than 1e-8 of itself"
     same = within(1e-3, because=why)
-    claim("the fit agrees with least squares over the integrated equation", values / errors, best.x / errors, same)
+    claim("it agrees with a least-squares fit to solutions of the equation", values / errors, best.x / errors, same)
     differences = within(1e-5, because="relative error; the reference takes its derivatives by finite differences")
-    claim("and so are their standard errors", sigmas / errors, 1.0, differences)
+    claim("and so do their standard errors", sigmas / errors, 1.0, differences)
     why = "in standard errors; in 1 of 200 measurements one of the three values would be farther away"
     nearer = within(3.1, because=why)
     claim("the fitted values agree with the true ones, in standard errors", (values - truth) / errors, 0.0, nearer)

@@ -1,9 +1,9 @@
 """Feedback by a motor's torque holds a Furuta pendulum upright; its gains solve an independent Riccati equation.
 
-The torque of the motor is constant from sample to sample and responds to a sample one period later, for which the
-states are predicted: K (A x + B u).  The reference is linearised by hand from Cazzolato and Prime (2011), eq. 33-34,
-and uses the stable eigenvectors of the symplectic matrix.  ``hold`` differentiates the equations that follow from the
-Lagrangian, and uses SciPy's solver.
+The torque of the motor is constant from sample to sample.  The torque computed at one sample acts from the next,
+so the gains K multiply the states that are predicted for the next sample, A x + B u.  The reference is linearised by
+hand from Cazzolato and Prime (2011), eq. 33-34, and uses the stable eigenvectors of the symplectic matrix.  ``hold``
+differentiates the equations that follow from the Lagrangian, and uses SciPy's solver.
 """
 
 from __future__ import annotations
@@ -58,20 +58,18 @@ def main(claim: Claims) -> None:
     R = np.array([[EFFORT / sizes[4] ** 2]])
     P = riccati(A, B, Q, R)
     K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    eight = within(1e-8, because="rounding times the eigenvectors' condition, and 1e-10 of the linearised step")
+    eight = within(1e-8, because="rounding errors times the eigenvectors' condition, 1e-10 by linearising")
     claim("gains, against our own Riccati equation", regulator.gains[0, 0] / np.hstack([K @ A, K @ B])[0], 1.0, eight)
     held = np.sort(np.abs(regulator.floquet_multipliers))[::-1]
     closed = np.block([[A, B], [-K @ A, -K @ B]])
     own = np.sort(np.abs(np.linalg.eigvals(closed)))[::-1]
-    claim("multipliers, largest first", held, own, within(1e-6, because="the least are roots of rounding errors"))
+    claim("multipliers, largest first", held, own, within(1e-6, because="the smallest are roots of rounding errors"))
 
     run = regulator.simulate(STOP, swing_0=np.pi + TILT)
     torque, angle = run["FurutaPendulum.turn_force"], run["FurutaPendulum.swing"] - np.pi
     bounded = within(1e-12, "N.m", because="the torque is limited to this value, and reaches it at least once")
     claim("the torque reaches its bounds and does not exceed them", np.abs(torque).max(), MOST, bounded)
-    settled = within(
-        1e-9, "rad", because="the largest multiplier, 0.95, is 4e-14 after 600 samples; the arm swings out first"
-    )
+    settled = within(1e-9, "rad", because="0.95, the largest multiplier, to the power of 600 samples is 4e-14")
     claim("from 0.07 rad it comes back upright", angle[-1], 0.0, settled)
     power = np.append(0.0, np.cumsum(torque[:-1] * np.diff(run["FurutaPendulum.turn"])))
     fall = PENDULUM * GRAVITY * ROD * (1 - np.cos(TILT))

@@ -40,7 +40,7 @@ def main(claim: Claims) -> None:
         ("... one path", "angle of the wheel [rad]", "angle of the satellite [deg]"),
         ("where (1, 1, 1) of the body points", "x", "y", "z"),
     )
-    why = f"errors at solver tolerance {TOLERANCE:g} and of σ interpolated over 0.02 s, 1e-12; not amplified"
+    why = f"errors at solver tolerance {TOLERANCE:g}, and 1e-12 by interpolating σ over 0.02 s; not amplified"
     solver, torque = within(1e-9, because=why), within(1e-8, "N.m", because=f"{why}; times accelerations φ'' of 20 /s2")
     runs = []
     for i, (name, pace) in enumerate(PACES.items()):

@@ -1,8 +1,9 @@
 """If a crane slews at a constant rate, its load hangs outwards by tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g.
 
-The operator turns the tower of a SlewingCrane; the trolley is at rest.  Started at the angle that follows from Euler's
-equations, the load stays there.  Because of its moments of inertia, its rope is a little steeper than that of a point
-mass.
+The operator turns the tower of a SlewingCrane at the rate Ω; the trolley is at rest at the radius R.  The centre of
+mass of the load is l below the trolley; its moments of inertia are I_t across the rope and I_a along it.  Started at
+the angle α to the vertical that follows from Euler's equations, the load stays there.  As I_t > I_a, the rope hangs a
+little farther outwards than that of a point mass.
 """
 
 from __future__ import annotations

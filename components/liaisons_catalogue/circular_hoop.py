@@ -13,7 +13,7 @@ class CircularHoop(Hoop):
     The centre lies on the axis OA at distance d from O; ξ is the arc length from A, ψ = ξ/R.  With r = |OP|, its
     tangential part a = r²θ' = R + d cos ψ and b = r²r'² = r² - a² = d² sin² ψ (' = d/dξ)::
 
-        L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, dots restored
+        L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, with dots missing there
         ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
         constant β_dot:    ψ_ddot = -(d/R) β_dot² sin ψ, a pendulum
 

@@ -6,8 +6,8 @@ from liaisons.linkages import Body, Linkage, Revolute, ground
 class FourBar(Linkage):
     """Loop of four hinges in a plane: a crank that an operator turns, a coupler, a rocker, and the frame.
 
-    With the lengths a of the crank, b of the coupler, c of the rocker, d of the frame, crank and rocker at the angles
-    φ and ψ from it::
+    Crank, coupler, rocker and frame have the lengths a, b, c and d; φ and ψ are the angles of crank and rocker to the
+    frame::
 
         d/a cos ψ - d/c cos φ + (a² - b² + c² + d²)/(2 a c) = cos (φ - ψ)         Freudenstein
 

@@ -9,10 +9,11 @@ from liaisons_catalogue.plane_curve import PlaneCurve
 class Hoop(PlaneCurve, abstract=True):
     """Bead on a hoop that an operator turns, in a horizontal plane, about a point O inside it; abstract.
 
-    A subclass declares one coordinate, u, and gives the :meth:`curve` on which u places the bead.  With ξ the arc
-    length, r = |OP|, θ = (OA, OP), the tangential part a = r²θ' and the rest b = r²r'² = r² - a² (' = d/dξ)::
+    A subclass declares one coordinate, u, and gives the :meth:`curve` on which u places the bead P.  OA is an axis
+    fixed in the hoop, ξ the arc length, r = |OP|, θ the angle from OA to OP, and ' = d/dξ.  If the hoop turns at unit
+    rate, its velocity at P has the tangential part a = r²θ'; its normal part has the square b = r²r'² = r² - a²::
 
-        L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, dots restored
+        L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, with dots missing there
           = ½ m (ξ_dot² + 2 a ξ_dot β_dot + r² β_dot²) + ½ I β_dot²
         ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
         K_Y = ½ (I + m b) Y²                                                  M eq. 63
@@ -56,7 +57,7 @@ class Hoop(PlaneCurve, abstract=True):
     def K_Y(self) -> ca.SX:  # noqa: N802
         return (self.hoop_inertia + self.mass * self._r_r_dash**2) / 2 * self.dot(self.beta) ** 2
 
-    @output("N", "force on the bead along the left normal: the hoop's, and a load's if there is one")
+    @output("N", "force on the bead along the left normal, exerted by the hoop and by a load if there is one")
     def normal_force(self) -> ca.SX:
         """Mass times the sum of relative, Coriolis, centripetal and Euler's acceleration across the hoop."""
         u, rate, beta_dot = self.free.q, self._xi_dot, self.dot(self.beta)
