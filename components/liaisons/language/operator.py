@@ -44,7 +44,7 @@ class Operator(SignalComponent, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
     A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
-    which become communication points.  A controller declares inputs and internal states with :meth:`internal_rates`;
+    which become communication points.  A controller declares inputs and internal states with ``internal_rates``;
     its signal depends on an input through at least three states, so that y, y_dot and y_ddot are continuous.  One that
     is ``SampledStates``, too, reads its inputs at samples.
     The outputs ``y``, ``y_dot``, ``y_ddot`` have the unit of the port they are connected to.

@@ -25,7 +25,7 @@ from liaisons_tools.cli._texts import requested_component
     liaisons equations Pendulum
     liaisons equations Pendulum --part motion --latex
     liaisons equations DoublePendulum --part accelerations --fix pivot_x,pivot_z
-    liaisons equations M50                              the equations to which Marle's equation 50 belongs
+    liaisons equations M50                              the equations to which equation 50 of Marle belongs
     liaisons equations my_system.py:crane               those of a whole system
     liaisons equations my_component.py --html > equations.html
     liaisons equations robot.urdf --prescribe shoulder,elbow
