@@ -13,7 +13,7 @@ class FurutaPendulum(Linkage):
         (J_1 + m L² + J_2 sin²θ + J_3 cos²θ) φ'' + m L l cos θ θ'' = m L l sin θ θ'² - (J_2 - J_3) sin 2θ θ' φ' + τ
         m L l cos θ φ'' + J_2 θ'' = ½ (J_2 - J_3) sin 2θ φ'² - m g l sin θ
 
-    p_arm is constant while no torque τ acts.
+    p_turn is constant while no torque τ acts.
 
     Source: B. S. Cazzolato, Z. Prime, J. Control Sci. Eng. (2011), eq. 33-34.
     """
