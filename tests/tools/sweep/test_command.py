@@ -70,7 +70,7 @@ def test_values_are_spaced_evenly_from_first_to_last(pendulum, tmp_path) -> None
 
 def test_the_help_says_whom_to_trust(capsys) -> None:
     assert main(["sweep", "--help"]) == 0
-    assert "take them from people you trust" in capsys.readouterr().out
+    assert "Take files only from people you trust" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, SystemExit])
