@@ -138,7 +138,7 @@ def test_saved_points_are_those_of_a_list(language: str, seed: int, monkeypatch:
         match random.choice(["advance", "add", "break", "truncate", "join", "save", "restore"]):
             case "advance":
                 steps = int(random.integers(1, 5))
-                loop.advance(loop.end + np.arange(1, steps + 1), in_result=bool(random.integers(2)))
+                loop.advance((loop.end + np.arange(1, steps + 1)).tolist(), in_result=bool(random.integers(2)))
                 assert np.diff(loop.rows[loop.done - steps : loop.done, 0]).tolist() == [1.0] * (steps - 1)
                 assert [column[:-steps] for column in _points(loop)] == before
             case "add":
