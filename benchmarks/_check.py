@@ -1,10 +1,10 @@
-"""Quick measurements held against the figures of the page."""
+"""Quick measurements beside the figures of the page, or those of another checkout."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from _measure import QUIET, Row, Section, number
 
@@ -13,7 +13,7 @@ SLACK = 0.15  # so much worse than on the page is named
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A ratio of the page, and those that were measured now, one a try.
+    """A ratio of the page, or of another checkout, and those that were measured now, one a try.
 
     ``clear`` says whether no quartile of now reaches what is allowed.
     """
@@ -33,17 +33,37 @@ class Comparison:
         return _factor(self.row, self.ratio) > 1 + SLACK
 
 
-def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]]) -> list[Comparison]:
-    """What the page has and each try has measured, in the order of the page; a quick try leaves sizes out."""
+def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]], *, figures: bool = False) -> list[Comparison]:
+    """What the page has and each try has measured, in the order of the page; a quick try leaves sizes out.
+
+    :param figures: compare those without a yardstick, too: both were measured on this machine.
+    """
     found = []
     for row in written:
-        same = [other for rows in tries for other in rows if _key(other) == _key(row) and other.ratio is not None]
-        if not row.checked or len(same) < len(tries):
+        same = [other for rows in tries for other in rows if _key(other) == _key(row) and is_checked(other, figures)]
+        if not is_checked(row, figures) or len(same) < len(tries):
             continue
         quartiles = [value for other in same for value in other.spread or (other.bounded,)]
         clear = all(_factor(row, value) > 1 + SLACK for value in quartiles)
         found.append(Comparison(row, tuple(other.bounded for other in same), clear))
     return found
+
+
+def is_checked(row: Row, figures: bool = False) -> bool:
+    """Whether a row has a ratio, or a figure, of which it is known which is better."""
+    return bool(row.best) and (figures or row.ratio is not None)
+
+
+def medians(tries: Sequence[Section]) -> Section:
+    """The last of several measurements of a section, with the medians of all as its ratios and figures."""
+    values: dict[tuple[str, ...], list[float]] = {}
+    for row in (row for section in tries for row in section.rows):
+        values.setdefault(_key(row), []).append(row.bounded)
+    rows = []
+    for row in tries[-1].rows:
+        middle = statistics.median(values[_key(row)])
+        rows.append(replace(row, figure=middle) if row.ratio is None else replace(row, ratio=middle))
+    return replace(tries[-1], rows=tuple(rows))
 
 
 def report(name: str, written: Section, found: Sequence[Comparison], tries: Sequence[Section]) -> str:
@@ -52,10 +72,9 @@ def report(name: str, written: Section, found: Sequence[Comparison], tries: Sequ
     commit, count = written.commit, len(tries)
     lines = [f"{name}: {len(found)} ratios, measured {count} times, {len(worse)} worse than at commit {commit}"]
     for it in worse:
-        page, overlap = number(it.row.bounded), "" if it.clear else " (quartiles overlap what is allowed)"
-        lines.append(
-            f"  {it.row.topic}: {it.row.case}: {number(it.ratio)} × {it.row.yardstick}, on the page {page}{overlap}"
-        )
+        unit = it.row.unit if it.row.ratio is None else f"× {it.row.yardstick}"
+        other, overlap = number(it.row.bounded), "" if it.clear else " (quartiles overlap what is allowed)"
+        lines.append(f"  {it.row.topic}: {it.row.case}: {number(it.ratio)} {unit}, there {other}{overlap}")
     # Older pages have no number of the processor's model.
     if worse and not {*written.processor.split()} <= {*tries[-1].processor.split()}:
         lines.append(f"  the page is of another processor, {written.processor}; this one is {tries[-1].processor}")
@@ -66,7 +85,7 @@ def report(name: str, written: Section, found: Sequence[Comparison], tries: Sequ
 
 def _factor(row: Row, ratio: float) -> float:
     """How many times worse than the row's a ratio is."""
-    return ratio / row.bounded if row.checked == "less" else row.bounded / ratio
+    return ratio / row.bounded if row.best == "less" else row.bounded / ratio
 
 
 def _key(row: Row) -> tuple[str, ...]:

@@ -67,10 +67,8 @@ class Row:
         return self.figure if self.ratio is None else self.ratio
 
     @property
-    def checked(self) -> Literal["", "less", "more"]:
-        """Which ratios are better, by the bound if there is one; empty where there is no ratio to check."""
-        if self.ratio is None:
-            return ""
+    def best(self) -> Literal["", "less", "more"]:
+        """Which ratios, or figures, are better, by the bound if there is one; empty where neither is said."""
         return "less" if self.asked.startswith("<") else "more" if self.asked.startswith(">") else self.better
 
     @property

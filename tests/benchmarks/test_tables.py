@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from _check import compared, report
+from _check import compared, medians, report
 from _measure import HERE, Row, Section, claims, interleaved, markdown
 from _page import BEGIN, END, page, tables
 
@@ -137,9 +137,7 @@ def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
     assert worse(3.0, 2.0, 2.0) == []  # the median of the tries
     assert worse(3.0, 2.0, 3.0) == [("ours", False)]
     page = Section("A title", tuple(written), "2026-01-01", "abc1234", "a processor, a compiler", 0.0, 1.0, quick=False)
-    words = (
-        "steps: 2 ratios, measured 1 times, 1 worse than at commit abc1234\n  Steps: ours: 3 × by hand, on the page 2"
-    )
+    words = "steps: 2 ratios, measured 1 times, 1 worse than at commit abc1234\n  Steps: ours: 3 × by hand, there 2"
     found = compared(written, measured(3.0))
     assert report("steps", page, found, [replace(page, machine="a processor model 7, a compiler")]) == words
     assert report("steps", page, found, [replace(page, machine="another, a compiler", busy=1.5)]) == (
@@ -147,6 +145,24 @@ def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
         "  other work kept up to 1.5 cores busy"
     )
     assert "processor" not in report("steps", page, found[1:], [replace(page, machine="another, a compiler", busy=1.5)])
+
+
+def test_a_check_beside_another_checkout_compares_medians_and_figures(row) -> None:
+    slow = Row("Calls", "slow", 4.0, "µs", asked="<= 9")
+    rows = [row, slow, replace(slow, case="unbounded", asked="")]
+    page = Section("A title", (), "2026-01-01", "abc1234", "a processor", 0.0, 1.0, quick=True)
+
+    def section(ratio: float, figure: float) -> Section:
+        changed = (replace(rows[0], ratio=ratio), *(replace(it, figure=figure) for it in rows[1:]))
+        return replace(page, rows=changed)
+
+    there = medians([section(1.0, 5.0), section(9.0, 4.0), section(2.0, 3.0)])
+    assert [it.bounded for it in there.rows] == [2.0, 4.0, 4.0]
+    here = [section(1.0, 4.8)]
+    assert [it.row.case for it in compared(there.rows, [it.rows for it in here])] == ["ours"]
+    found = compared(there.rows, [it.rows for it in here], figures=True)
+    assert [(it.row.case, it.worse) for it in found] == [("ours", False), ("slow", True)]
+    assert report("calls", there, found, here).splitlines()[1] == "  Calls: slow: 4.8 µs, there 4"
 
 
 @pytest.mark.parametrize(("words", "figure"), [([], 3.0), (["--quick"], 2.0)])
