@@ -2,7 +2,7 @@
 
     python benchmarks/plans.py [--quick]
 
-No reference shares a line with what it is held against: closed forms, and extremals shot by Hamilton's equations from
+No reference shares a line with what it is compared with: closed forms, and extremals shot by Hamilton's equations from
 equations written by hand, most of which the scenarios have.  Each problem is planned on N intervals and on 2 N as they
 are, arcs between switches having three at least, then as ``plan`` does it if nothing is said, refined until the
 Hamiltonian is constant to 1e-8: that one is timed, replayed through the FMUs and judged by ``verify``.  Times are

@@ -2,7 +2,7 @@
 
     python benchmarks/step_cost.py [--quick]
 
-The native back end is held against ``by_hand/pendulum.c`` (same state, same inputs, as many right-hand sides a step),
+The native back end is compared with ``by_hand/pendulum.c`` (same state, same inputs, as many right-hand sides a step),
 the Python back end against ``by_hand/plain_python_pendulum.py``.  A communication sets inputs, steps, and gets outputs,
 with FMPy's lists; the by-hand FMU gets and sets as many numbers.  All is processor time of the thread.
 """

@@ -2,7 +2,7 @@
 
 A ball falls onto a table that an operator or a spring moves several times within a step.  The flattened system must not
 depend on its step; two FMUs may be off by what they say, or warn.  Balls that a table just touches in flight, or just
-does not, are held against parabola and sine.
+does not, are compared with parabola and sine.
 """
 
 from __future__ import annotations

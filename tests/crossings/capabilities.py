@@ -1,4 +1,4 @@
-"""What each capability does with a subject, held against how the subject moves.
+"""What each capability does with a subject, compared with how the subject moves.
 
 Bounds: FMUs integrate at 1e-10, which motions of two seconds amplify less than a hundredfold; what goes from one FMU to
 another is interpolated at steps of 50 ms, of sixth order; importers integrate Model Exchange at the same tolerance, and

@@ -1,4 +1,4 @@
-"""Values at which a closed form is held against the equations, and what it gives there."""
+"""Values at which a closed form is compared with the equations, and what it gives there."""
 
 from __future__ import annotations
 
