@@ -1,4 +1,4 @@
-"""Every cell of docs/crossings.toml: what works is compared with something else, what is refused raises its sentence."""
+"""Every cell of docs/crossings.toml: what works is compared with something else; what is refused raises its text."""
 
 from __future__ import annotations
 
