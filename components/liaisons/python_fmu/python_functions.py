@@ -98,7 +98,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
     y, m = model.start(n.t, n.given, n.k)
     nominals = model.nominals(n.t, y, n.given, n.k)
     size = ca.if_else(ca.logic_and(nominals > 0, nominals < math.inf), nominals, 1)
-    u = inputs(n.H, n.H, n.mode, n.u, n.target)
+    u = _inputs_at(n, inputs, n.H)
     projected = n.y if model.project is None else model.project(n.t, n.y, u, n.k)
     for energy, work, _ in energy_accounts(model) if model.project else ():  # takes back what σ̇ has moved a held σ
         change = [model.outputs_function(n.t, states, u, n.k, n.m)[energy] for states in (n.y, projected)]
@@ -113,7 +113,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
         "compare": _mismatch_and_jump(model, n, active),
         "leap": _runge_kutta_step(n, _jump_rates(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
-        "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
+        "inputs": {"u": _inputs_at(n, inputs, n.x)},
         "advance": _advance(model, n, inputs, active),
         "reach": _reach(model, n, inputs),
         "finish": {"u": u, "y": projected, "m": model.remember(n.t, projected, u, n.k, n.m), **past},
@@ -126,21 +126,37 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
 
 
 def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
-    """Function (x, H, mode, u at start, u at end) → u at x, a time since the start of the step."""
+    """Function (interpolates, x, H, mode, u at start, u at end) → u at x, a time since the start of the step.
+
+    Only the polynomial of the mode is evaluated: that between both ends has many times the operations of the other.
+    """
+    between, ahead = (_polynomial(model, active, interpolates=interpolates) for interpolates in (True, False))
+    return ca.Function.if_else("inputs", between, ahead)
+
+
+def _polynomial(model: Model, active: list[list[int]], *, interpolates: bool) -> ca.Function:
+    """Function (x, H, mode, u at start, u at end) → u at x, between both ends or by what is known at the start."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
-    tau, interpolates = x / H, mode == _INTERPOLATE
-    u = start + ca.if_else(interpolates, tau * (end - start), 0)
+    tau = x / H
+    u = start + tau * (end - start) if interpolates else ca.SX(start)
     for indices in active:
         value, rate, acceleration = ca.vertsplit(start[indices])
         sigma = value + x * (rate + x * acceleration / 2)
-        cubic, quartic, quintic = upper_coefficients(ca.vertsplit(start[indices]), ca.vertsplit(end[indices]), H)
-        sigma += ca.if_else(interpolates, tau**3 * (cubic + tau * (quartic + tau * quintic)), 0)
+        if interpolates:
+            cubic, quartic, quintic = upper_coefficients(ca.vertsplit(start[indices]), ca.vertsplit(end[indices]), H)
+            sigma += tau**3 * (cubic + tau * (quartic + tau * quintic))
         for index in indices:
-            u[index] = ca.if_else(mode == _HOLD, start[index], sigma)
+            u[index] = sigma
             sigma = ca.jacobian(sigma, x)
-    u = ca.if_else(ca.logic_and(interpolates, x == H), end, u)  # the polynomials have rounding errors
-    return ca.Function("inputs", [x, H, mode, start, end], [ca.densify(u)], {"cse": True})
+    # The polynomials have rounding errors.
+    u = ca.if_else(x == H, end, u) if interpolates else ca.if_else(mode == _HOLD, start, u)
+    return ca.Function("polynomial", [x, H, mode, start, end], [ca.densify(u)], {"cse": True})
+
+
+def _inputs_at(n: SimpleNamespace, inputs: ca.Function, x: ca.MX) -> ca.MX:
+    """Inputs at x, a time since the start of the step."""
+    return inputs(n.mode == _INTERPOLATE, x, n.H, n.mode, n.u, n.target)
 
 
 def _motion_rates(
@@ -151,28 +167,42 @@ def _motion_rates(
     Time is kept between the earliest and the latest, that is on one side of an event.  Work is done along σ and σ̇ of
     the step: power is that along σ̇ and σ̈, by which σ and σ̇ do not move in mode 0; see ``core_correct_work``.
     """
-    now, y, u, k = model.derivatives.sx_in()
+    arguments = model.derivatives.sx_in()
+    now, y, u, k = arguments
     valid = [margin > 0 for margin in ca.vertsplit(model.conditions(now, y, u, k))]
     valid = valid[: len(valid) - model.start_only]
     for value, (low, high) in zip(ca.vertsplit(u), map(allowed_range, model.inputs), strict=True):
         valid += [value >= low, value <= high]
     trap = ca.if_else(reduce(ca.logic_and, valid, ca.SX(1)), 0, math.nan)
-    holds, unmoved, moved = ca.SX.sym("holds"), model.derivatives(now, y, u, k), ca.SX.zeros(u.numel())
+    derivatives, accounts = model.derivatives(*arguments), energy_accounts(model)
+    held = _rates_with_power_of_hold(model, arguments, derivatives, active)
+    moves, holds = (
+        ca.Function(name, arguments, [ca.densify(rates + trap)], {"cse": True})
+        for name, rates in (("rates", derivatives), ("held", held))
+    )
+    by_mode = ca.Function.if_else("by_mode", holds, moves)
+
+    def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
+        t = ca.fmax(n.earliest, ca.fmin(n.latest, n.t + x))
+        point = t, y, _inputs_at(n, inputs, x), n.k
+        return by_mode(n.mode == _HOLD, *point) if accounts else moves(*point)
+
+    return slopes
+
+
+def _rates_with_power_of_hold(model: Model, arguments: list[ca.SX], rates: ca.SX, active: list[list[int]]) -> ca.SX:
+    """dy/dt in mode 0, from that of the other modes."""
+    now, y, u, k = arguments
+    moved, held = ca.SX.zeros(u.numel()), ca.SX(rates)
     for value, rate, acceleration in active:
         moved[value], moved[rate] = u[rate], u[acceleration]
     z = model.outputs_function(now, y, u, k, ca.SX(model.start.numel_out(1), 1))
     for energy, work, dissipated in energy_accounts(model):
-        power = unmoved[work] - ca.jtimes(z[energy], u, moved)
         if model.project:
-            power = ca.jtimes(z[energy], y, unmoved) + ca.jacobian(z[energy], now) + unmoved[dissipated]
-        unmoved[work] = ca.if_else(holds, power, unmoved[work])
-    rates = ca.Function("rates", [now, y, u, k, holds], [ca.densify(unmoved + trap)], {"cse": True})
-
-    def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
-        t = ca.fmax(n.earliest, ca.fmin(n.latest, n.t + x))
-        return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k, n.mode == _HOLD)
-
-    return slopes
+            held[work] = ca.jtimes(z[energy], y, rates) + ca.jacobian(z[energy], now) + rates[dissipated]
+        else:
+            held[work] = rates[work] - ca.jtimes(z[energy], u, moved)
+    return held
 
 
 def _advance(model: Model, n: SimpleNamespace, inputs: ca.Function, active: list[list[int]]) -> dict[str, ca.MX]:
@@ -181,7 +211,7 @@ def _advance(model: Model, n: SimpleNamespace, inputs: ca.Function, active: list
     if model.reach is None:
         return step
     x = n.x + n.h
-    left = model.reach(n.t + x, step["y_next"], inputs(x, n.H, n.mode, n.u, n.target), n.k)
+    left = model.reach(n.t + x, step["y_next"], _inputs_at(n, inputs, x), n.k)
     return {**step, "away": ca.norm_inf(left[: len(model.reaches)])}
 
 
@@ -189,7 +219,7 @@ def _reach(model: Model, n: SimpleNamespace, inputs: ca.Function) -> dict[str, c
     """Expressions of what the trial leaves of the constraints at x, and of the next one, which is projected."""
     if model.reach is None or model.project is None:
         return {}
-    point = n.t + n.x, n.trial, inputs(n.x, n.H, n.mode, n.u, n.target), n.k
+    point = n.t + n.x, n.trial, _inputs_at(n, inputs, n.x), n.k
     return {"reached": model.reach(*point), "trial": model.project(*point)}
 
 

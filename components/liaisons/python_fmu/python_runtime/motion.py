@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import ComponentTable
-from .rates import GIVEN, derived_numbers, may_miss_rates, missing_level, remember
+from .rates import GIVEN, Row, derived_numbers, may_miss_rates, missing_level, remember
 
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
@@ -37,32 +37,35 @@ class Motion:
 
     :ivar all: all of them, shape (numbers,).
     :ivar n: the same by name; each is an array.
-    :ivar reals: the Real variables among them; single numbers of a memoryview are three times quicker.
+    :ivar views: the same as memory views, of which single numbers are three times quicker.
+    :ivar reals: the Real variables among them, as a memory view.
     """
 
     def __init__(self, component: ComponentTable) -> None:
         self._component, self._warned = component, set[int]()
-        self._found: dict[
-            int, tuple[str, NDArray[np.float64]]
-        ] = {}  # by mismatch: a warning, numbers of the coordinate
+        self._found: dict[int, tuple[str, Row]] = {}  # by mismatch: a warning, numbers of the coordinate
         self.all = np.concatenate([*component.numbers.values()])
         ends = np.cumsum([len(numbers) for numbers in component.numbers.values()]).tolist()
         parts = dict(zip(component.numbers, np.split(self.all, ends), strict=False))
         self.n, first = SimpleNamespace(**parts), ends[[*parts].index("k")] - parts["k"].size
+        self.views = SimpleNamespace(**{name: _memory_view(part) for name, part in parts.items()})
         self.reals = _memory_view(self.all[first : first + len(component.names) - component.first])
         self._coordinates = [*self._prescribed_coordinates()]
-        self._after, self._calls = self.all.copy(), {}
+        after = self.all.copy()
+        self._numbers, self._after = _memory_view(self.all), _memory_view(after)
+        self._calls, self._buffers = {}, []
         for name, function in component.functions.items():
             unbound, evaluate = function.buffer()
             buffer: Any = unbound
-            buffer.set_arg(0, _memory_view(self.all))  # bare pointers: the arrays live as long as this object
-            buffer.set_res(0, _memory_view(self._after))
-            self._calls[name] = (evaluate, buffer)
+            buffer.set_arg(0, self._numbers)  # bare pointers: the arrays live as long as this object
+            buffer.set_res(0, self._after)
+            self._buffers.append(buffer)
+            self._calls[name] = evaluate
 
     def apply_function(self, name: str) -> None:
         """Replace all numbers by the results of a function of the component."""
-        self._calls[name][0]()
-        self.all[:] = self._after
+        self._calls[name]()
+        self._numbers[:] = self._after
 
     def initialize(self) -> None:
         """Initialize the states at t, after checks of domains and conditions.
@@ -73,7 +76,7 @@ class Motion:
         n, component = self.n, self._component
         n.looked[:] = 0
         for c in self._coordinates:
-            c.row[GIVEN] = n.given[c.numbers[1:]]
+            c.row[GIVEN], c.row[GIVEN + 1] = n.given[c.numbers[1:]]
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
             raise MotionError("the initial state is not finite")
@@ -128,12 +131,13 @@ class Motion:
 
     def apply_inputs(self) -> None:
         """Set the inputs at the present time to those that the importer gave, unless they are interpolated."""
-        n = self.n
-        if n.mode[0] < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
-            n.u[:], n.jumped[0] = n.given, 1
-        for c in self._coordinates if n.mode[0] == 1 else ():
-            if level := n.m[c.derived]:
-                n.u[c.numbers] = derived_numbers(c.row, level, n.t[0], n.u[c.numbers])[0]
+        n, v = self.n, self.views
+        mode = v.mode[0]
+        if mode < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
+            v.u[:], v.jumped[0] = v.given, 1
+        for c in self._coordinates if mode == 1 else ():
+            if level := v.m[c.derived]:
+                n.u[c.numbers] = derived_numbers(c.row, level, v.t[0], n.u[c.numbers])[0]
 
     def _prescribed_coordinates(self) -> Iterator[SimpleNamespace]:
         """Numbers, indices and texts of each prescribed coordinate of which mismatch and missing rates are shown."""
@@ -142,38 +146,42 @@ class Motion:
         for i, (row, (*numbers, derived), (mismatch, texts)) in parts:
             if derived >= 0:
                 yield SimpleNamespace(
-                    row=row, numbers=numbers, derived=derived, mismatch=mismatch, texts=texts, index=i
+                    row=_memory_view(row), numbers=numbers, derived=derived, mismatch=mismatch, texts=texts, index=i
                 )
 
     def _derive_rates(self, H: float) -> None:
         """Replace rates that nobody gives, of the present inputs or of those to interpolate to, in a step of size H."""
-        n, ahead = self.n, self.n.mode[0] > 1
-        inputs, before, t = (n.given, n.u, n.t[0] + H) if ahead else (n.u, n.past_u, n.t[0])
-        size = H if ahead else float(n.past_H[0])
+        v, ahead = self.views, self.views.mode[0] > 1
+        t, given = v.t[0], v.given
+        inputs, before, end, size = (given, v.u, t + H, H) if ahead else (v.u, v.past_u, t, v.past_H[0])
         for c in self._coordinates:
-            known = level = float(n.m[c.derived])
-            given = n.given[c.numbers].tolist()  # single numbers of a list are quicker
+            row, derived, (value, rate, acceleration) = c.row, c.derived, c.numbers
+            known = level = v.m[derived]
+            numbers = given[value], given[rate], given[acceleration]
             if ahead:
-                remember(c.row, level, n.t[0], n.u[c.numbers])
+                remember(row, level, t, (before[value], before[rate], before[acceleration]))
             if size > 0:
-                n.m[c.derived] = level = missing_level(c.row, level, size, float(before[c.numbers[0]]), given)
-            followed = derived_numbers(c.row, level, t, given)[0]
+                v.m[derived] = level = missing_level(row, level, size, before[value], numbers)
+            followed = derived_numbers(row, level, end, numbers)[0] if level else numbers
             if level or known:
-                inputs[c.numbers] = followed
+                inputs[value], inputs[rate], inputs[acceleration] = followed
             if not ahead:
-                remember(c.row, level, t, followed)
-                c.row[GIVEN] = given[1:]
+                remember(row, level, t, followed)
+            row[GIVEN], row[GIVEN + 1] = numbers[1:]
 
-    def _note_warnings(self, before: NDArray[np.float64]) -> None:
-        """Note the first mismatch of each coordinate, unless its rates are missing; and since when they are derived."""
-        n = self.n
-        for c in self._coordinates:
-            level = int(n.m[c.derived])
-            n.m[c.mismatch] *= not level
-            if level > before[c.derived]:
-                self._found[c.mismatch] = c.texts[1 + level].format(t=n.t[0]), c.row[:0]
-            elif n.m[c.mismatch]:
-                text = c.texts[int(n.far[c.index])].format(mismatch=n.m[c.mismatch], t=n.compared[0])
+    def _note_warnings(self, before: list[float]) -> None:
+        """Note the first mismatch of each coordinate, unless its rates are missing; and since when they are derived.
+
+        :param before: what was missing of each coordinate before the step.
+        """
+        v = self.views
+        for c, level_before in zip(self._coordinates, before, strict=True):
+            if level := v.m[c.derived]:
+                v.m[c.mismatch] *= 0
+            if level > level_before:
+                self._found[c.mismatch] = c.texts[1 + int(level)].format(t=v.t[0]), c.row[:0]
+            elif mismatch := v.m[c.mismatch]:
+                text = c.texts[int(v.far[c.index])].format(mismatch=mismatch, t=v.compared[0])
                 self._found.setdefault(c.mismatch, (text, c.row))
 
     def step(self, H: float) -> None:
@@ -181,38 +189,44 @@ class Motion:
 
         :raises MotionError: if the motion does not reach its end; then the numbers are undefined.
         """
-        n = self.n
-        n.H[0] = H
+        n, v = self.n, self.views
+        v.H[0] = H
         self.apply_inputs()
-        given, memory = n.given.copy(), n.m.copy()
-        if n.mode[0] > 0:
+        given, missing = n.given.copy(), [v.m[c.derived] for c in self._coordinates]
+        if v.mode[0] > 0:
             self._derive_rates(H)
         self.apply_function("compare")
-        if n.jumped[0]:
-            self._jump_states(leap=not n.leaps.any())
-        if n.leaps.any():
+        leaps = any(v.leaps)
+        if v.jumped[0]:
+            self._jump_states(leap=not leaps)
+        if leaps:
             self._check_domains(n.given, n.k.size, n.t[0] + H)
-        t, x, n.earliest[0] = float(n.t[0]), 0.0, n.t[0]
-        while x < H:
-            instant = self._next_instant(n.earliest[0])
-            n.latest[0] = math.nextafter(instant, t)
-            x = self._integrate("advance", x, min(instant - t, H))
-            n.earliest[0] = instant
-        rounding = 1e-12 * (1 + abs(t + H))  # by which an end may miss an instant: 3 * 0.3 is not 0.9
-        instant = self._next_instant(t + H - rounding)
-        n.t[0] = instant if instant <= t + H + rounding else t + H
+        self._advance_inside(H)
         self.apply_function("finish")
-        if n.leaps.any():
-            n.u[:] = n.given
+        if leaps:
+            v.u[:] = v.given
             self._jump_states(leap=True)
             self.apply_function("remember")
-        n.given[:], n.jumped[0] = given, 0
-        self._note_warnings(memory)
+        v.given[:], v.jumped[0] = given, 0
+        self._note_warnings(missing)
+
+    def _advance_inside(self, H: float) -> None:
+        """Advance states and time by H [s], from one instant at which the component is not smooth to the next."""
+        v = self.views
+        t, x = v.t[0], 0.0
+        v.earliest[0] = t
+        while x < H:
+            instant = self._next_instant(v.earliest[0])
+            v.latest[0] = math.nextafter(instant, t)
+            x = self._integrate("advance", x, min(instant - t, H))
+            v.earliest[0] = instant
+        rounding = 1e-12 * (1 + abs(t + H))  # by which an end may miss an instant: 3 * 0.3 is not 0.9
+        instant = self._next_instant(t + H - rounding)
+        v.t[0] = instant if instant <= t + H + rounding else t + H
 
     def _jump_states(self, *, leap: bool) -> None:
         """Book the work of a jump of the inputs; with ``leap``, move states along with a jump of σ that has a limit."""
-        n = self.n
-        if leap and n.jump.any():
+        if leap and any(self.views.jump):
             before = self.all.copy()
             try:
                 self._integrate("leap", 0.0, 1.0)
@@ -225,20 +239,20 @@ class Motion:
 
         :raises MotionError: if it is not reached.
         """
-        n, allowed = self.n, max(_PART * self.n.tolerance[0], _LEAST)
-        x, rest = begin, end - begin
+        n, v = self.n, self.views
+        allowed, x, rest = max(_PART * v.tolerance[0], _LEAST), begin, end - begin
         h = rest
         for _ in range(_MOST_STEPS):
-            n.x[0], n.h[0] = x, h
+            v.x[0], v.h[0] = x, h
             self.apply_function(name)
-            error = float(n.error[0]) / allowed
-            beyond = self._out_of_reach(x + h, n.y_next) if error <= 1 and n.away[0] > _DRIFT else ""
+            error = v.error[0] / allowed
+            beyond = self._out_of_reach(x + h, n.y_next) if error <= 1 and v.away[0] > _DRIFT else ""
             if beyond and h > _SMALLEST * (end - begin):
                 error = math.inf
             elif beyond:
                 raise MotionError(beyond)
             if error <= 1:
-                n.y[:], x, rest = n.y_next, x + h, rest - h
+                v.y[:], x, rest = v.y_next, x + h, rest - h
                 if rest == 0:
                     return end
             elif h < _SMALLEST * (end - begin):
@@ -305,11 +319,11 @@ class Motion:
 
     def _next_instant(self, t: float) -> float:
         """First instant after t [s] at which the component is not smooth; inf if there is none."""
-        if not self.n.instants.size:
+        if not self.views.instants:
             return math.inf
-        self.n.x[0] = t
+        self.views.x[0] = t
         self.apply_function("events")
-        return min((instant for instant in self.n.instants.tolist() if instant > t), default=math.inf)
+        return min((instant for instant in self.views.instants if instant > t), default=math.inf)
 
     def new_warnings(self, *, last: bool = False) -> Iterator[str]:
         """Yield what was noted of each coordinate, once; before the last time not of one whose rate may be missing."""

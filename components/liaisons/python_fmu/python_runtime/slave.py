@@ -69,6 +69,8 @@ class Slave(Fmi2Slave):
             _finalize_at_exit(resources)
         self._component = component = load_component(resources)
         self._motion = Motion(component)
+        unlimited = {i for i in range(len(component.fixed)) if component.first + i not in component.impulses}
+        self._settable = unlimited, {i for i in unlimited if not component.fixed[i]}  # before steps, and between them
         self._stepping = False  # initialization has ended
         self._unusable = ""  # why initialization failed
         self._refused: dict[int, str] = {}  # by value reference: messages for the next step
@@ -161,13 +163,13 @@ class Slave(Fmi2Slave):
         self._refused.clear()
         if not problem:
             self._log_warnings()
-            self._motion.n.t[0] = t
+            self._motion.views.t[0] = t
             self._motion.step(H)
         return problem
 
     def _time_refusal(self, t: float, H: float) -> str:
         """Reason why a step from t to t + H is refused; empty if it is not."""
-        now = self._motion.n.t[0]
+        now = self._motion.views.t[0]
         if not 0 < H < math.inf:
             return f"step size = {H:g}: it must be > 0 and finite"
         if not math.isfinite(t):
@@ -187,46 +189,60 @@ class Slave(Fmi2Slave):
             self._motion.apply_function("start")
         self._motion.apply_function("outputs")
         first, numbers = self._component.first, self._motion.reals
-        if not all(first <= vr < first + len(numbers) for vr in vrs):
+        if vrs and not first <= min(vrs) <= max(vrs) < first + len(numbers):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
             return [math.nan] * len(vrs)
-        values = {vr: numbers[vr - first] for vr in vrs}
-        infinite = next((vr for vr, value in values.items() if not math.isfinite(value)), None)
-        if infinite is not None and not self._unusable:
-            name, number, t = self._component.names[infinite - 1], values[infinite], self._motion.n.t[0]
-            problem = f"{name} = {number:g} at t = {t:.9g}: it must be finite; choose other start values or inputs"
-            self.log(problem, Fmi2Status.error)
-            if self._stepping:  # the next step repeats it
-                self._refused[infinite] = problem
-        return [values[vr] for vr in vrs]
+        values = [numbers[vr - first] for vr in vrs]
+        if not (math.isfinite(sum(values)) or self._unusable):
+            self._refuse_infinite(vrs, values)
+        return values
+
+    def _refuse_infinite(self, vrs: list[int], values: list[float]) -> None:
+        """Log the first value that is not finite, if there is one, and make the next step Discard."""
+        for vr, value in zip(vrs, values, strict=True):
+            if not math.isfinite(value):
+                name, t = self._component.names[vr - 1], self._motion.n.t[0]
+                problem = f"{name} = {value:g} at t = {t:.9g}: it must be finite; choose other start values or inputs"
+                self.log(problem, Fmi2Status.error)
+                if self._stepping:  # the next step repeats it
+                    self._refused[vr] = problem
+                return
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set Real variables, or refuse the next step with the reason."""
-        component, motion = self._component, self._motion
-        new = {vr - component.first: self._replaced_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
-        for index, value in new.items():
-            if not 0 <= index < len(motion.reals):
-                why = "it belongs to no Real variable"
-            elif index >= len(component.fixed):
-                why = "it is calculated; set parameters and inputs"
-            elif self._stepping and component.fixed[index]:
-                why = _FIXED
-            elif self._stepping and value != motion.reals[index] and component.first + index in component.impulses:
-                why = "a Python FMU takes no impulses; build it with backend='native'"
-            elif not math.isfinite(value):
-                why = f"set a finite number; it stays {motion.reals[index]:.9g}"
-            else:
-                continue
-            self._refuse_value(component.first + index, value, why)
-            return
-        for index, value in new.items():
+        first, motion, settable = self._component.first, self._motion, self._settable[self._stepping]
+        if self._kept_starts:
+            values = [self._replaced_zero(vr, value) for vr, value in zip(vrs, values, strict=True)]
+        new = dict(zip(vrs, values, strict=True))
+        for vr, value in new.items():
+            if not (vr - first in settable and math.isfinite(value)) and (why := self._refusal(vr - first, value)):
+                self._refuse_value(vr, value, why)
+                return
+        reals, parameters = motion.reals, first + motion.n.k.size
+        for vr, value in new.items():
             # With a tunable parameter the energy may jump, too.
-            if index < motion.n.k.size and motion.reals[index] != value:
-                motion.n.jumped[0] = 1
-            motion.reals[index] = value
-            self._refused.pop(component.first + index, None)
+            if vr < parameters and reals[vr - first] != value:
+                motion.views.jumped[0] = 1
+            reals[vr - first] = value
+        for vr in self._refused.keys() & new.keys():
+            del self._refused[vr]
         if self._stepping:
             motion.apply_inputs()
+
+    def _refusal(self, index: int, value: float) -> str:
+        """Reason why a value is refused; empty if it is not."""
+        component, reals = self._component, self._motion.reals
+        if not 0 <= index < len(reals):
+            return "it belongs to no Real variable"
+        if index >= len(component.fixed):
+            return "it is calculated; set parameters and inputs"
+        if self._stepping and component.fixed[index]:
+            return _FIXED
+        if self._stepping and value != reals[index] and component.first + index in component.impulses:
+            return "a Python FMU takes no impulses; build it with backend='native'"
+        if not math.isfinite(value):
+            return f"set a finite number; it stays {reals[index]:.9g}"
+        return ""
 
     def _replaced_zero(self, vr: int, value: float) -> float:
         """The start value instead of a 0 that is ignored before the first step, as by ``core_ignore_zeros``."""
