@@ -124,7 +124,7 @@ def claims(rows: Mapping[str, Iterable[Row]]) -> str:
         met = {0: "no", len(group): "yes"}.get(n := sum(row.met is True for row in group), f"{n} of {len(group)}")
         claim = f"{topic}: {worst.case}" + (f", the worst of {len(group)}" if len(group) > 1 else "")
         lines.append([f"[{section}](#{section})", claim, measured, _bound(worst), met])
-    return _grid([["section", "", "measured", "asked", "met"], *lines])
+    return grid([["section", "", "measured", "asked", "met"], *lines])
 
 
 def _table(rows: list[Row]) -> str:
@@ -143,10 +143,10 @@ def _table(rows: list[Row]) -> str:
         for row in rows
     ]
     used = [k for k in range(len(head)) if any(line[k] for line in cells)]
-    return _grid([[line[k] for k in used] for line in [head, *cells]])
+    return grid([[line[k] for k in used] for line in [head, *cells]])
 
 
-def _grid(lines: list[list[str]]) -> str:
+def grid(lines: list[list[str]]) -> str:
     head, *body = (f"| {' | '.join(line)} |" for line in lines)
     return "\n".join([head, "|---" * len(lines[0]) + "|", *body])
 

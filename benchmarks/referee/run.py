@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -30,10 +29,9 @@ def main(engine: str, folder: str, *options: str) -> None:
     path, quick = Path(folder) / f"{engine}.json", "--quick" in options
     found = read(path)
     for task in TASKS[2:3] if quick else getattr(module, "TASKS", TASKS):
-        kept = {cell["way"]: cell for cell in found.get(task.name, ())}
-        if [*kept] != [way.name for way in module.WAYS]:
-            exact = _reference(task, Path(folder) / "references.json")
-            found[task.name] = [kept.get(way.name) or cell(task, way, exact, quick=quick) for way in module.WAYS]
+        if task.name not in found:
+            exact = _reference(task, path.with_name("references.json"))
+            found[task.name] = [cell(task, way, exact, quick=quick) for way in module.WAYS]
             write(path, found)
             print(f"{engine}: {task.name}", file=sys.stderr, flush=True)
 
@@ -52,16 +50,15 @@ def cell(task: Task, way: Way, exact: Answer, *, quick: bool) -> dict[str, Any]:
     try:
         for step in way.steps[: 1 if quick else None]:
             run, setting = _best(task, way, step, exact)
-            ratios = []
-            for k in range(0 if task.file else ROUNDS if step == way.steps[-1] else 1):
-                seconds = (way.run(task, step, **setting) if k else run).seconds
-                ratios.append(seconds / ours_ways.by_fmpy(task, step).seconds)
+            rounds = 0 if task.file else ROUNDS if step == way.steps[-1] else 1
+            runs = (way.run(task, step, **setting) if k else run for k in range(rounds))
+            ratios = [again.seconds / ours_ways.by_fmpy(task, step).seconds for again in runs]
             measured = {"errors": run.answer.errors(exact), "seconds": run.seconds, "ratios": ratios}
             points.append({"step": step, "setting": setting, **measured})
     except CannotError as error:
         refused = str(error)
     said = {"task": task.name, "engine": way.engine, "way": way.name, "page": way.page}
-    return {**said, "refused": refused, "points": points}
+    return said | {"refused": refused, "points": points}
 
 
 def _best(task: Task, way: Way, step: float, exact: Answer) -> tuple[Run, dict[str, Any]]:
@@ -80,10 +77,10 @@ def _reference(task: Task, path: Path) -> Answer:
     """The answer, kept with its checks."""
     kept = read(path)
     if task.name not in kept:
-        answer = {name: values.tolist() for name, values in asdict(task.answer(task.times)).items()}
-        kept[task.name] = {**answer, "checks": task.checks()}
+        answer, checks = task.reference(task.times)
+        kept[task.name] = {name: values.tolist() for name, values in answer._asdict().items()} | {"checks": checks}
         write(path, kept, indent=None)
-    return Answer(*(np.array(kept[task.name][name]) for name in ("motion", "force", "work")))
+    return Answer(*(np.array(kept[task.name][name]) for name in Answer._fields))
 
 
 if __name__ == "__main__":

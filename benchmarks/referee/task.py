@@ -7,22 +7,20 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree as ET
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Motion = Callable[..., tuple[Any, Any, Any]]
-"""Of a time, and of where the last jump was: σ, σ̇, σ̈; takes extended precision, too."""
+Motion = Callable[[Any], tuple[Any, Any, Any]]
+"""Of a time: σ, σ̇, σ̈; takes extended precision, too."""
 GRAVITY = 9.81  # [m/s2]
 INSTANTS = 40
 NEAR = 1e-12  # [s], from a jump
 LOST = 1e3  # relative error
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """What is asked at instants: motion (n, k), force of the first prescribed joint (n,), work of all of them (n,).
 
     Where an engine cannot say a thing, it is None.
@@ -34,11 +32,14 @@ class Answer:
 
     def errors(self, reference: Answer) -> list[float | None]:
         """Of motion, force and work, relative to the largest value of the reference; infinite where it is lost."""
-        found: list[float | None] = []
-        for said, exact in zip(vars(self).values(), vars(reference).values(), strict=True):
-            error = None if said is None else float(np.max(np.abs(said - exact)) / np.max(np.abs(exact)))
-            found.append(error if error is None or error < LOST else math.inf)
-        return found
+        return [_error(*both) for both in zip(self, reference, strict=True)]
+
+
+def _error(said: NDArray | None, exact: NDArray) -> float | None:
+    if said is None:
+        return None
+    error = abs(said - exact).max() / abs(exact).max()
+    return error if error < LOST else math.inf
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,14 @@ class Task:
 
     :ivar motions: prescribed joint -> motion; ``jumps`` are instants at which σ̇ jumps [s].
     :ivar asked: joints whose places are asked, of ``signals`` in ours; ``whole``: their sum with the prescribed one.
-    :ivar checks: what the reference is held against: words -> relative difference.
+    :ivar reference: of instants: the answer, and what it was held against: words -> relative difference.
     :ivar start: other joint -> place and rate at the start, 0 where it is not named; ``spin`` is that of a ball joint.
     :ivar force: signal of ours; that of the first prescribed joint by default.
     :ivar carrier: mass of the first prescribed body, whose part of the force is left out [kg]; ``weight`` is the
         acceleration of gravity along it [m/s2].
+    :ivar springs: joint -> stiffness, as in the file.
     :ivar constraint: what acts besides joints, if anything.
-    :ivar lagrange: the equations of motion by SymPy, if they are.
+    :ivar functions: of σ, σ̇, σ̈, then of q and q̇: the accelerations; of these, too: the forces and the energy.
     :ivar file: in MJCF, unless it is in the folder of tasks.
     """
 
@@ -64,8 +66,7 @@ class Task:
     motions: Mapping[str, Motion]
     asked: Sequence[str]
     component: str
-    answer: Callable[[NDArray], Answer] | None = None
-    checks: Callable[[], Mapping[str, float]] = dict
+    reference: Callable[[NDArray], tuple[Answer, Mapping[str, float]]] | None = None
     start: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     spin: Sequence[float] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -75,8 +76,9 @@ class Task:
     carrier: float = 0.0
     weight: float = 0.0
     whole: bool = False
+    springs: Mapping[str, float] = field(default_factory=dict)
     constraint: str = ""
-    lagrange: Any = None
+    functions: Sequence[Callable[..., Any]] = ()
     file: Path | None = None
 
     @property
@@ -87,7 +89,7 @@ class Task:
         """σ, σ̇, σ̈ (3, joints), at a jump those after it, or before it (-1)."""
         if any(abs(t - jump) < NEAR for jump in self.jumps):
             t += side * 2 * NEAR
-        return np.array([motion(t) for motion in self.motions.values()], dtype=float).T
+        return np.array([motion(t) for motion in self.motions.values()]).T
 
     def path(self, ending: str) -> Path:
         """The mechanism as a file in MJCF (xml) or Modelica (mo)."""
@@ -96,12 +98,6 @@ class Task:
 
     def mjcf(self, more: str = "") -> str:
         return self.path("xml").read_text(encoding="utf-8").replace("</mujoco>", f"{more}</mujoco>")
-
-    @property
-    def springs(self) -> dict[str, float]:
-        """Joint -> stiffness."""
-        joints = ET.fromstring(self.mjcf()).iterfind(".//joint[@stiffness]")
-        return {joint.attrib["name"]: float(joint.attrib["stiffness"]) for joint in joints}
 
 
 def _of_both(name: str) -> Callable[[Any], Any]:
@@ -115,7 +111,7 @@ sin, cos = _of_both("sin"), _of_both("cos")
 def sinusoid(offset: float, amplitude: float, frequency: float, phase: float = 0.0) -> Motion:
     """offset + amplitude sin(frequency t + phase)."""
 
-    def motion(t: Any, *_: Any) -> tuple[Any, Any, Any]:
+    def motion(t: Any) -> tuple[Any, Any, Any]:
         sine, cosine = sin(frequency * t + phase), cos(frequency * t + phase)
         return offset + amplitude * sine, amplitude * frequency * cosine, -amplitude * frequency**2 * sine
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise, product
+from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -42,19 +43,16 @@ class Way:
     name: str
     page: str
     run: Callable[..., Run]
-    grid: Mapping[str, Sequence[Any]] | None = None
+    grid: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     steps: Sequence[float] = (2e-2, 1e-2, 5e-3, 2.5e-3)
 
     @property
     def settings(self) -> list[dict[str, Any]]:
-        grid = self.grid or {}
-        return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+        return [dict(zip(self.grid, values, strict=True)) for values in product(*self.grid.values())]
 
 
-class Model:
+class Model(ABC):
     """A task in an engine at its start.
-
-    An engine's file says how ``state`` is read, ``write`` sets it and ``advance`` makes a step.
 
     :param names: joints, which begin at ``places`` of the engine's q and at ``rates`` of its v.
     """
@@ -72,15 +70,14 @@ class Model:
         self.write(q, v)
         self.place(0.0)
 
+    @abstractmethod
     def state(self) -> tuple[NDArray, NDArray]:
         """q and v: what ``write`` takes, or views of the engine's own."""
-        raise NotImplementedError
 
-    def write(self, q: NDArray, v: NDArray) -> None: ...
-
-    def advance(self, t: float) -> None:
-        """By a step from t."""
-        raise NotImplementedError
+    def write(self, q: NDArray, v: NDArray) -> None:
+        """Into the views that ``state`` returns, unless it returns copies."""
+        own = self.state()
+        own[0][:], own[1][:] = q, v
 
     def attitude(self, q: NDArray) -> NDArray:
         """Quaternion (w, x, y, z) from the coordinates of a ball joint."""
@@ -98,9 +95,17 @@ class Model:
             return self.attitude(q[self.asked[0] :])
         return q[self.asked] + self.task.whole * q[self.moved[0]]
 
+
+class Stepped(Model):
+    """Whose engine makes a step at a time."""
+
+    @abstractmethod
+    def advance(self, t: float) -> None:
+        """By a step from t."""
+
     def march(
         self,
-        before: Callable[[float], object],
+        before: Callable[[float], object] = lambda _: None,
         forces: Callable[[], NDArray | None] = lambda: None,
         jump: Callable[[float], NDArray | None] = lambda _: None,
     ) -> Run:
@@ -113,7 +118,7 @@ class Model:
         return march(self.task, self.step, advance, lambda: (self.read(self.state()[0]), forces()), jump)
 
 
-def overwritten(model: Callable[..., Model]) -> Callable[..., Run]:
+def overwritten(model: Callable[..., Stepped]) -> Callable[..., Run]:
     """As most people do it: places and rates of the joints are set before each step; nobody reads a force."""
 
     def run(*arguments: Any, **setting: Any) -> Run:
@@ -121,6 +126,14 @@ def overwritten(model: Callable[..., Model]) -> Callable[..., Run]:
         return it.march(it.place)
 
     return run
+
+
+def runge_kutta(rates: Callable[[float, NDArray], NDArray], t: float, y: NDArray, step: float) -> NDArray:
+    """The states after a step of the rule of order 4."""
+    slopes = [rates(t, y)]
+    for part in (step / 2, step / 2, step):
+        slopes.append(rates(t + part, y + part * slopes[-1]))
+    return y + step / 6 * np.array([1.0, 2.0, 2.0, 1.0]) @ np.array(slopes)
 
 
 def march(
@@ -136,46 +149,40 @@ def march(
     """
     begin = time.process_time()
     jumps = {round(t / step): t for t in task.jumps}
-    steps = round(task.stop / step)
-    samples = [read()]
-    after, gained = {0: samples[0][1]}, np.zeros(steps + 1)
-    for k in range(1, steps + 1):
+    pieces, gained = [[read()]], [0.0]
+    for k in range(1, round(task.stop / step) + 1):
         advance((k - 1) * step)
-        samples.append(read())
-        if k in jumps and k < steps:
-            if (impulses := jump(jumps[k])) is not None:
-                gained[k + 1 :] += impulses @ (sum(task.sigma(jumps[k], side)[1] for side in (-1.0, 1.0)) / 2)
-            after[k] = read()[1]
+        pieces[-1].append(read())
+        if k in jumps:
+            impulses = jump(jumps[k])
+            rates = sum(task.sigma(jumps[k], side)[1] for side in (-1.0, 1.0)) / 2
+            gained.append(gained[-1] + (0.0 if impulses is None else impulses @ rates))
+            pieces.append([read()])
     seconds = time.process_time() - begin
-    return Run(answered(task, step, samples, after, gained), seconds)
+    return Run(answered(task, step, pieces, gained), seconds)
 
 
-def answered(
-    task: Task,
-    step: float,
-    samples: Sequence[Sample],
-    after: Mapping[int, NDArray | None] | None = None,
-    gained: NDArray | float = 0.0,
-) -> Answer:
-    """From samples after each step; the work is Simpson's sum of the power between jumps.
+def answered(task: Task, step: float, pieces: Sequence[Sequence[Sample]], gained: Sequence[float] = (0.0,)) -> Answer:
+    """From samples of each piece between jumps: behind its begin, then after each step.
 
-    :param after: forces behind the start and behind jumps, whose work ``gained`` has.
+    :param gained: work of the impulses before each piece; that in it is Simpson's sum of the power.
     """
-    places, forces = zip(*samples, strict=True)
-    rows = round(task.stop / INSTANTS / step) * np.arange(1, INSTANTS + 1)
-    motion = np.array(places)[rows]
-    if task.force or forces[0] is None:  # impulses, which these loops do not sum
+    count = round(task.stop / INSTANTS / step)
+    motion = np.array([place for piece in pieces for place, _ in piece[1:]])[count - 1 :: count]
+    if task.force or pieces[0][0][1] is None:  # impulses, which these loops do not sum
         return Answer(motion, None, None)
 
-    def power(k: int, side: float, force: Any) -> tuple[float, float]:
+    def power(k: int, side: float, force: NDArray) -> tuple[float, float]:
         _, rate, acceleration = task.sigma(k * step, side)
-        own = np.array(force) - task.carrier * (acceleration[0] + task.weight) * np.eye(len(rate))[0]
+        own = force - task.carrier * (acceleration[0] + task.weight) * np.eye(len(rate))[0]
         return own[0], own @ rate
 
-    after = after or {0: forces[0]}
-    lambdas, powers = np.array([power(k, -1.0, force) for k, force in enumerate(forces)]).T
-    work = np.zeros(len(forces))
-    for a, b in pairwise([*after, len(forces) - 1]):
-        first = power(a, 1.0, after[a])[1]
-        work[a + 1 : b + 1] = work[a] + cumulative_simpson([first, *powers[a + 1 : b + 1]], dx=step)
-    return Answer(motion, lambdas[rows], (work + gained)[rows])
+    lambdas, works, work = [], [], 0.0
+    for piece, impulsive in zip(pieces, gained, strict=True):
+        samples = [power(len(works) + k, -1.0 if k else 1.0, force) for k, (_, force) in enumerate(piece)]
+        (_, *own), powers = zip(*samples, strict=True)
+        sums = work + cumulative_simpson(powers, dx=step)
+        lambdas += own
+        works += [*(sums + impulsive)]
+        work = sums[-1]
+    return Answer(motion, *(np.array(found)[count - 1 :: count] for found in (lambdas, works)))

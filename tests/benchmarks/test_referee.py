@@ -19,7 +19,8 @@ COUNTS = {"belt": ("pieces", 6), "shaken ball": ("impacts", 6)}
 @pytest.mark.variants(core=0)
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
 def test_references_agree_with_another_method_and_their_energy(task: Task) -> None:
-    found = dict(task.checks())
+    assert task.reference is not None
+    found = dict(task.reference(task.times)[1])
     if task.name in COUNTS:
         name, at_least = COUNTS[task.name]
         assert found.pop(name) >= at_least

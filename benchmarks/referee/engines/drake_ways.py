@@ -10,12 +10,12 @@ from pydrake.multibody.tree import PdControllerGains, PrismaticSpring
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from referee.way import CannotError, Model, Way, overwritten
+from referee.way import CannotError, Stepped, Way, overwritten
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # of options in MJCF that belong to MuJoCo
 
 
-class _Model(Model):
+class _Model(Stepped):
     """A task in Drake at its start; prescribed joints have motors if there are gains for them."""
 
     def __init__(self, task, step, gains=None):
@@ -71,8 +71,7 @@ def controlled(task, step, stiffness, damping):
 
 
 PAGE = "https://drake.mit.edu/doxygen_cxx/classdrake_1_1multibody_1_1_multibody_plant.html"
-GAINS = {"stiffness": (1.0, 1e3), "damping": (1e3,)}
 WAYS = (
     Way("drake", "positions set", PAGE, overwritten(_Model)),
-    Way("drake", "implicit PD", f"{PAGE}#pd_controllers", controlled, GAINS),
+    Way("drake", "implicit PD", f"{PAGE}#pd_controllers", controlled, {"stiffness": (1.0, 1e3), "damping": (1e3,)}),
 )

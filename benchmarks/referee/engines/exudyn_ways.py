@@ -15,7 +15,6 @@ from referee.way import CannotError, Model, Run, Way, answered
 
 exudyn.config.printToConsole = False
 BOUNCE = -math.log(0.8) / math.hypot(math.pi, math.log(0.8))  # damping ratio of a stop that throws back 0.8
-KIND = exudyn.OutputVariableType
 
 
 class _Model(Model):
@@ -25,34 +24,27 @@ class _Model(Model):
         self.container = exudyn.SystemContainer()  # which holds the system
         self.system = self.container.AddSystem()
         self.file = mujoco.MjModel.from_xml_string(task.mjcf())
-        names = []
-        signs = []
         links = []
         last = [-1]  # link of each body
-        for body in range(1, self.file.nbody):
-            joint, above = self.file.joint(self.file.body_jntadr[body]), last[self.file.body_parentid[body]]
-            ball, slide = joint.type[0] == mujoco.mjtJoint.mjJNT_BALL, joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-            for letter in "XYZ" if ball else "XYZ"[np.abs(joint.axis).argmax()]:
+        for body in map(self.file.body, range(1, self.file.nbody)):
+            joint, above = self.file.joint(body.jntadr[0]), last[body.parentid[0]]
+            ball, slide = (joint.type[0] == getattr(mujoco.mjtJoint, f"mjJNT_{kind}") for kind in ("BALL", "SLIDE"))
+            for letter in "XYZ" if ball else "XYZ"[abs(joint.axis).argmax()]:
                 massive = not ball or letter == "Z"
-                inertia = [massive * getattr(self.file, f"body_{name}")[body] for name in ("inertia", "ipos", "mass")]
+                name = joint.name if not ball or letter == "X" else f"{joint.name} {letter}"
                 kind = getattr(exudyn.JointType, f"{'Prismatic' if slide else 'Revolute'}{letter}")
-                links.append((kind, above, self.file.body_pos[body], np.diag(inertia[0]), *inertia[1:]))
-                names.append(joint.name if not ball or letter == "X" else f"{joint.name} {letter}")
-                signs.append(float(joint.axis.sum()))
-                above = len(names) - 1
+                inertia = (np.diag(massive * body.inertia), massive * body.ipos, massive * body.mass[0])
+                links.append((name, joint.axis.sum(), kind, above, body.pos, *inertia))
+                above = len(links) - 1
             last.append(above)
+        names, signs, kinds, parents, offsets, inertias, centres, masses = zip(*links, strict=True)
         self.signs, n = np.array(signs), len(names)
         self.q, self.v = np.zeros(n), np.zeros(n)
         super().__init__(task, step, names, range(n), range(n))
+        start = {"initialCoordinates": self.q * signs, "initialCoordinates_t": self.v * signs}
         self.node = self.system.AddNode(
-            items.NodeGenericODE2(
-                referenceCoordinates=[0.0] * n,
-                initialCoordinates=self.q * signs,
-                initialCoordinates_t=self.v * signs,
-                numberOfODE2Coordinates=n,
-            )
+            items.NodeGenericODE2(referenceCoordinates=[0.0] * n, numberOfODE2Coordinates=n, **start)
         )
-        kinds, parents, offsets, inertias, centres, masses = zip(*links, strict=True)
         self.mechanism = self.system.AddObject(
             items.ObjectKinematicTree(
                 nodeNumber=self.node,
@@ -79,22 +71,19 @@ class _Model(Model):
     def constrain(self):
         """What acts besides joints."""
         if self.task.constraint == "equality":
-            at = partial(items.MarkerKinematicTreeRigid, objectNumber=self.mechanism)
-            ends = (at(linkNumber=k, localPosition=[length, 0, 0]) for k, length in ((1, 1.5), (2, 1.2)))
+            ends = (
+                items.MarkerKinematicTreeRigid(objectNumber=self.mechanism, linkNumber=k, localPosition=[length, 0, 0])
+                for k, length in ((1, 1.5), (2, 1.2))
+            )
             markers = [self.system.AddMarker(end) for end in ends]
             self.system.AddObject(items.SphericalJoint(markerNumbers=markers, constrainedAxes=[1, 0, 1]))
             return
-        law = {"frictionProportionalZone": self.step, "fDynamicFriction": 0.0}
+        law = {"frictionProportionalZone": self.step}
         if self.task.constraint == "contact":
             stiffness = (math.pi / 4 / self.step) ** 2  # a contact lasts four steps
             memory = items.NodeGenericData(initialCoordinates=[0.0] * 3, numberOfDataCoordinates=3)
-            law = {
-                "nodeNumber": self.system.AddNode(memory),
-                "useLimitStops": True,
-                "limitStopsUpper": 1e3,
-                "limitStopsStiffness": stiffness,
-                "limitStopsDamping": 2 * BOUNCE * stiffness**0.5,
-            }
+            law |= {"nodeNumber": self.system.AddNode(memory), "useLimitStops": True, "limitStopsUpper": 1e3}
+            law |= {"limitStopsStiffness": stiffness, "limitStopsDamping": 2 * BOUNCE * stiffness**0.5}
         else:
             law["fDynamicFriction"] = self.file.tendon_frictionloss[0]
         pair = [self.coordinate(self.node, row) for row in (*self.moved, *self.asked)]
@@ -106,24 +95,23 @@ def moved(task, step, radius, stiffness=0.0):
     system, ground = it.system, it.coordinate(it.system.AddNode(items.NodePointGround()), 0)
 
     def pair(name):
-        return [ground, it.coordinate(it.node, it.places[name])]
+        return {"markerNumbers": [ground, it.coordinate(it.node, it.places[name])]}
 
     for name, constant in task.springs.items():
-        system.AddObject(items.CoordinateSpringDamper(markerNumbers=pair(name), stiffness=constant))
+        system.AddObject(items.CoordinateSpringDamper(**pair(name), stiffness=constant))
     if task.constraint:
         it.constrain()
-    sensors = [items.SensorNode(nodeNumber=it.node, outputVariableType=KIND.Coordinates)]
+    kind = exudyn.OutputVariableType
+    sensors = [items.SensorNode(nodeNumber=it.node, outputVariableType=kind.Coordinates, storeInternal=True)]
     for (name, motion), sign in zip(task.motions.items(), it.signs[it.rows], strict=True):
         if stiffness:
             spring = partial(_spring, motion, sign, stiffness / step**2)
-            held = items.CoordinateSpringDamper(markerNumbers=pair(name), springForceUserFunction=spring)
+            held = items.CoordinateSpringDamper(**pair(name), springForceUserFunction=spring)
         else:
             offset = partial(_offset, motion, sign)
-            first = sign * motion(0.0)[0]
-            held = items.CoordinateConstraint(markerNumbers=pair(name), offset=first, offsetUserFunction=offset)
-        sensors.append(items.SensorObject(objectNumber=system.AddObject(held), outputVariableType=KIND.Force))
-    for sensor in sensors:
-        sensor.storeInternal = True
+            held = items.CoordinateConstraint(**pair(name), offset=offset(None, 0.0), offsetUserFunction=offset)
+        number = system.AddObject(held)
+        sensors.append(items.SensorObject(objectNumber=number, outputVariableType=kind.Force, storeInternal=True))
     numbers = [system.AddSensor(sensor) for sensor in sensors]
     system.Assemble()
     options = exudyn.SimulationSettings()
@@ -141,22 +129,22 @@ def moved(task, step, radius, stiffness=0.0):
     seconds = time.process_time() - begin
     found, *forces = (system.GetSensorStoredData(number)[:, 1:] for number in numbers)
     samples = zip(map(it.read, found * it.signs), np.hstack(forces) * -it.signs[it.rows], strict=True)
-    return Run(answered(task, step, [*samples]), seconds)
+    return Run(answered(task, step, [[*samples]]), seconds)
 
 
 def _offset(motion, sign, _system, t, *_):
     return sign * motion(t)[0]
 
 
-def _spring(motion, sign, stiffness, _system, t, _item, *state):
+def _spring(motion, sign, stiffness, _system, t, *state):
     """Critically damped for 1 kg or 1 kg m²."""
+    _, place, rate, *_ = state
     sigma, sigma_dot, _ = motion(t)
-    return stiffness * (state[0] - sign * sigma) + 2 * stiffness**0.5 * (state[1] - sign * sigma_dot)
+    return stiffness * (place - sign * sigma) + 2 * stiffness**0.5 * (rate - sign * sigma_dot)
 
 
 PAGE = "https://exudyn.readthedocs.io/en/latest/docs/RST/items/ObjectConnectorCoordinate"
-SPRINGS = {"radius": (0.6,), "stiffness": (0.1, 1e3)}
 WAYS = (
     Way("exudyn", "coordinate constraint", f"{PAGE}.html", moved, {"radius": (0.6, 0.9)}),
-    Way("exudyn", "stiff spring", f"{PAGE}SpringDamper.html", moved, SPRINGS),
+    Way("exudyn", "stiff spring", f"{PAGE}SpringDamper.html", moved, {"radius": (0.6,), "stiffness": (0.1, 1e3)}),
 )

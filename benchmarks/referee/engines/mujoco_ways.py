@@ -5,12 +5,12 @@ import numpy as np
 
 from liaisons import MujocoOperator
 from liaisons.errors import InvalidValueError
-from referee.way import CannotError, Model, Way, overwritten
+from referee.way import CannotError, Stepped, Way, overwritten
 
 INTEGRATORS = {"Euler": 0, "RK4": 1, "implicitfast": 3}
 
 
-class _Model(Model):
+class _Model(Stepped):
     """A task in MuJoCo at its start."""
 
     def __init__(self, task, step, integrator="Euler", more=""):
@@ -98,7 +98,7 @@ def operated(task, step):
 
     mujoco.set_mjcb_control(operator)
     try:
-        return it.march(lambda _: None, forces, jump)
+        return it.march(forces=forces, jump=jump)
     except InvalidValueError as error:
         raise CannotError(f"refused: {str(error).partition(' acts')[0]}") from None
     finally:
@@ -106,18 +106,13 @@ def operated(task, step):
 
 
 PAGE = "https://mujoco.readthedocs.io/en/stable/"
-EVERY = {"integrator": tuple(INTEGRATORS)}
-STIFF, SOFT = {"stiffness": (1e-3, 1e-2, 0.1, 1.0)}, {"time_constant": (2.0, 5.0)}
+EVERY, STIFF = {"integrator": INTEGRATORS}, {"stiffness": (1e-3, 1e-2, 0.1, 1.0)}
+SOFT = {"time_constant": (2.0, 5.0)}
+EQUALITY = SOFT | {"integrator": ("Euler", "RK4")}
 WAYS = (
     Way("mujoco", "rate overwritten", f"{PAGE}programming/simulation.html", overwritten(_Model), EVERY),
     Way("mujoco", "position actuator", f"{PAGE}XMLreference.html#actuator-position", actuated, STIFF),
-    Way(
-        "mujoco",
-        "equality",
-        f"{PAGE}XMLreference.html#equality-joint",
-        equality,
-        {**SOFT, "integrator": ("Euler", "RK4")},
-    ),
+    Way("mujoco", "equality", f"{PAGE}XMLreference.html#equality-joint", equality, EQUALITY),
     Way("mujoco", "mocap and weld", f"{PAGE}modeling.html#mocap-bodies", mocap, SOFT),
     Way("mujoco", "MujocoOperator", "docs/reference/api.md", operated),
 )

@@ -4,12 +4,12 @@ import mujoco
 import newton
 import warp as wp
 
-from referee.way import CannotError, Model, Way, overwritten
+from referee.way import CannotError, Stepped, Way, overwritten
 
 wp.config.quiet = True
 
 
-class _Model(Model):
+class _Model(Stepped):
     """A task in Newton at its start; joints follow targets if they have a stiffness, else they are kinematic."""
 
     def __init__(self, task, step, stiffness=0.0):

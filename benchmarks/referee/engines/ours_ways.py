@@ -16,9 +16,9 @@ TOLERANCE = 1e-12
 
 def _said(task):
     """Start values and outputs."""
-    starts = {} if task.signals else {f"{name}_0": place for name, (place, _) in task.start.items()}
-    if not task.signals:
-        starts |= {f"{name}_dot_0": rate for name, (_, rate) in task.start.items() if rate}
+    starts = {}
+    for name, (place, rate) in () if task.signals else task.start.items():
+        starts |= {f"{name}_0": place} | ({f"{name}_dot_0": rate} if rate else {})
     force = task.force or f"{next(iter(task.motions))}_force"
     return {**starts, **task.parameters}, [*(task.signals or task.asked), force, "work"]
 

@@ -4,19 +4,18 @@ import numpy as np
 import pinocchio as pin
 
 from liaisons import PinocchioOperator
-from referee.way import CannotError, Model, Way, overwritten
+from referee.way import CannotError, Stepped, Way, overwritten, runge_kutta
 
 
-class _Model(Model):
+class _Model(Stepped):
     """A task in Pinocchio at its start."""
 
     def __init__(self, task, step):
         if task.constraint:
             raise CannotError(f"MJCF: no {task.constraint}")
         self.model = pin.buildModelFromMJCF(str(task.path("xml")))
-        self.data, self.springs = self.model.createData(), task.springs
+        self.data, joints = self.model.createData(), self.model.joints
         self.q, self.v = pin.neutral(self.model), np.zeros(self.model.nv)
-        joints = self.model.joints
         super().__init__(task, step, self.model.names, [j.idx_q for j in joints], [j.idx_v for j in joints])
 
     def state(self):
@@ -32,7 +31,7 @@ class _Model(Model):
     def torque(self, q):
         """Of springs, which the model does not have."""
         found = np.zeros(self.model.nv)
-        for name, stiffness in self.springs.items():
+        for name, stiffness in self.task.springs.items():
             found[self.rates[name]] = -stiffness * q[self.places[name]]
         return found
 
@@ -50,18 +49,16 @@ class _Operated(_Model):
         return self.operator.accelerations(t, q, v, self.torque(q))
 
     def advance(self, t):
-        q, v, h = self.q, self.v, self.step
-        rates = []
-        gained = []
-        for part in (0.0, h / 2, h / 2, h):
-            if part:
-                q, v = pin.integrate(self.model, self.q, part * rates[-1]), self.v + part * gained[-1]
-            self.side = -1.0 if part == h else 1.0
-            rates.append(v)
-            gained.append(self.accelerations(t + part, q, v)[0])
-        weights = h / 6 * np.array([1.0, 2.0, 2.0, 1.0])
-        self.now, q = t + h, pin.integrate(self.model, self.q, weights @ np.array(rates))
-        self.q, self.v = self.operator.place(self.now, q, self.v + weights @ np.array(gained))
+        self.now = t + self.step
+
+        def rates(at, y):
+            """Of the way from q at the begin of the step, and of v."""
+            self.side = -1.0 if at == self.now else 1.0
+            way, v = np.split(y, 2)
+            return np.hstack([v, self.accelerations(at, pin.integrate(self.model, self.q, way), v)[0]])
+
+        way, v = np.split(runge_kutta(rates, t, np.hstack([0 * self.v, self.v]), self.step), 2)
+        self.q, self.v = self.operator.place(self.now, pin.integrate(self.model, self.q, way), v)
 
     def forces(self):
         return np.array([*self.accelerations(self.now, self.q, self.v)[1].values()])
@@ -74,7 +71,7 @@ class _Operated(_Model):
 
 def operated(task, step):
     it = _Operated(task, step)
-    return it.march(lambda _: None, it.forces, it.jump)
+    return it.march(forces=it.forces, jump=it.jump)
 
 
 PAGE = "https://github.com/stack-of-tasks/pinocchio/blob/devel/examples/simulation-pendulum.py"

@@ -22,7 +22,7 @@ def prescribed(name, joint, motion, **start):
     others = {other.name: (start.get(other.name, 0.0), 0.0) for other in map(model.joint, range(model.njnt))}
     del others[joint]
     task = Task(f"{path.name}: {joint}", 1.0, {joint: motion}, [*others], f"{path}:{joint}", start=others, file=path)
-    return replace(task, answer=lambda _: mujoco_ways.operated(task, STEP / 4).answer)
+    return replace(task, reference=lambda _: (mujoco_ways.operated(task, STEP / 4).answer, {}))
 
 
 def by_simulate(task, step):

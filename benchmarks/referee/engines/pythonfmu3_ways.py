@@ -19,7 +19,7 @@ def _built():
 
 
 def written(task, step, *, runge):
-    if task.lagrange is None:
+    if not task.functions:
         raise CannotError("not written")
     fmu, _, reference = instance(_built())
     fmu.enterInitializationMode()

@@ -4,6 +4,7 @@ import numpy as np
 from pythonfmu3 import Float64, Fmi3Causality, Fmi3Slave, Fmi3StepResult
 
 from referee.tasks import TASKS
+from referee.way import runge_kutta
 
 OUTPUTS = ("q_0", "q_1", "force_0", "force_1")
 INPUTS = tuple(f"sigma{ending}_{k}" for ending in ("", "_dot", "_ddot") for k in range(2))
@@ -23,7 +24,7 @@ class SlaveFmu(Fmi3Slave):
 
     def do_step(self, current_time, step_size):
         task, h = TASKS[int(self.which)], step_size
-        n, accelerations, forces = len(task.motions), *task.lagrange.functions
+        n, accelerations, forces = len(task.motions), *task.functions
         given = np.array([getattr(self, name) for name in INPUTS]).reshape(3, 2)
         if not self.runge:
             given[1] = (given[0] - self.before[0]) / h
@@ -34,16 +35,11 @@ class SlaveFmu(Fmi3Slave):
         self.before = given[:2]
         known = given[:, :n].ravel()
 
-        def rates(y):
+        def rates(_, y):
             return np.array([*y[len(y) // 2 :], *accelerations(*known, *y)])
 
-        y = self.states
-        k_1 = rates(y)
-        if self.runge:
-            k_2 = rates(y + h / 2 * k_1)
-            k_3 = rates(y + h / 2 * k_2)
-            k_1 = (k_1 + 2 * k_2 + 2 * k_3 + rates(y + h * k_3)) / 6
-        self.states = y + h * k_1
+        rule = runge_kutta if self.runge else lambda rates, t, y, h: y + h * rates(t, y)
+        self.states = rule(rates, current_time, self.states, h)
         found = forces(*known, *self.states, *accelerations(*known, *self.states))
         for name, value in zip(OUTPUTS, [*self.states[:2], *found[:n]], strict=False):
             setattr(self, name, float(value))

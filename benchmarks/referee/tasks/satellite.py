@@ -10,7 +10,7 @@ TURNS = (sinusoid(0.0, 40.0, 0.7), sinusoid(20.0, 20.0, 1.1, -1.5), sinusoid(5.0
 SPIN = (0.1, -0.05, 0.2)  # [rad/s]
 
 
-def dynamics(t, y, _):
+def dynamics(t, y):
     """Euler: J ω' + J_w φ'' = (J ω + J_w φ') × ω."""
     y = np.asarray(y)
     w, v, omega = y[0], y[1:4], y[4:7]
@@ -21,15 +21,13 @@ def dynamics(t, y, _):
     return rates, WHEEL * (faster + spin), energy
 
 
-EQUATIONS = Equations(dynamics, TURNS, [1.0, 0.0, 0.0, 0.0, *SPIN], 4, 4.8)
 TASK = Task(
     "satellite",
     4.8,
     {f"wheel_{axis}": turn for axis, turn in enumerate(TURNS, 1)},
     ["attitude"],
     "Satellite",
-    EQUATIONS.answer,
-    EQUATIONS.checks,
+    Equations(dynamics, TURNS, [1.0, 0.0, 0.0, 0.0, *SPIN], 4).reference,
     spin=SPIN,
     parameters={f"omega_{axis}_0": rate for axis, rate in zip("xyz", SPIN, strict=True)},
     signals=["q_w", "q_x", "q_y", "q_z"],

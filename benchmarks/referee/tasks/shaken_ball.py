@@ -1,6 +1,5 @@
 """A ball on a shaken table: it bounces; force is the sum of the table's impulses."""
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,9 +11,13 @@ TABLE = sinusoid(0.0, 0.05, 6.0)
 BOUNCE, HEIGHT, STOP = 0.8, 0.5, 2.4
 
 
-def above(t, flight):
+def height(t, flight):
     begin, h, v, *_ = flight
-    return h + v * (t - begin) - GRAVITY * (t - begin) ** 2 / 2 - TABLE(t)[0]
+    return h + v * (t - begin) - GRAVITY * (t - begin) ** 2 / 2
+
+
+def above(t, flight):
+    return height(t, flight) - TABLE(t)[0]
 
 
 def thrown(t, flight):
@@ -25,25 +28,17 @@ def thrown(t, flight):
     return t, table, down + push, impulse + push, work + push * rate
 
 
-@cache
-def flights():
-    """Begin, height and velocity then, impulse and work till then."""
-    return pieces((0.0, HEIGHT, 0.0, 0.0, 0.0), above, thrown, STOP)
-
-
-def answer(times):
-    begin, h, v, impulse, work = np.array(flights())[np.searchsorted([f[0] for f in flights()], times) - 1].T
-    return Answer((h + v * (times - begin) - GRAVITY * (times - begin) ** 2 / 2)[:, None], impulse, work)
-
-
-def checks():
+def reference(times):
     """Momentum and energy from the start to the last flight, with what the impacts take."""
-    begin, h, v, impulse, work = flights()[-1]
-    strikes = [up - GRAVITY * (hit - t) - TABLE(hit)[1] for (t, _, up, *_), (hit, *_) in pairwise(flights())]
+    flights = pieces((0.0, HEIGHT, 0.0, 0.0, 0.0), above, thrown, STOP)
+    begin, h, v, impulse, work = flights[-1]
+    strikes = [up - GRAVITY * (hit - t) - TABLE(hit)[1] for (t, _, up, *_), (hit, *_) in pairwise(flights)]
     lost = (1 - BOUNCE**2) / 2 * sum(strike**2 for strike in strikes)
     account = v**2 / 2 + GRAVITY * (h - HEIGHT) - work + lost
     momentum = v - impulse + GRAVITY * begin
-    return {"momentum": abs(momentum), "energy account": abs(account / work), "impacts": len(strikes)}
+    checks = {"momentum": abs(momentum), "energy account": abs(account / work), "impacts": len(strikes)}
+    rows = np.array(flights)[np.searchsorted([flight[0] for flight in flights], times) - 1].T
+    return Answer(height(times, rows)[:, None], *rows[3:]), checks
 
 
 TASK = Task(
@@ -52,8 +47,7 @@ TASK = Task(
     {"table": TABLE},
     ["height"],
     "BouncingBall",
-    answer,
-    checks,
+    reference,
     constraint="contact",
     start={"height": (HEIGHT, 0.0)},
     parameters={"bounce": BOUNCE},
