@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from ctypes import c_double
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, NamedTuple, final
 
 import numpy as np
 
@@ -23,9 +22,8 @@ from liaisons.fmu_files import TIME, Fmu, SampledFunction, Starts, variable_name
 
 
 @final
-@dataclass(frozen=True, eq=False)
-class _State:
-    """State of the instance at an instant.
+class _State(NamedTuple):
+    """State of the instance at an instant.  Each step makes several, of which a tuple is quicker than a dataclass.
 
     :ivar before: outputs and state of the function before the last sample.
     :ivar after: after it.
@@ -53,6 +51,7 @@ class SampledInstance(Instance):
         assert isinstance(fmu.function, SampledFunction)
         self.name, self._function = name, fmu.function
         self._inputs, self._outputs = list(fmu.function.inputs), list(fmu.function.outputs)
+        self._reads = [[*self._inputs, TIME].index(variable_name(name)) for name in fmu.function.reads]
         self._error = ""
         start = np.zeros(len(self._outputs)), fmu.function.state
         self._state = self._start = _State(np.zeros(len(self._inputs)), start, start)
@@ -60,7 +59,7 @@ class SampledInstance(Instance):
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:  # noqa: ARG002 - it has no solver
         function = self._function
         last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
-        self._state = replace(self._start, inputs=self._start.inputs.copy(), time=start_time, last=last)
+        self._state = self._start._replace(inputs=self._start.inputs.copy(), time=start_time, last=last)
         for name, value in starts.items():
             self.assign(name, value)
 
@@ -72,7 +71,9 @@ class SampledInstance(Instance):
             raise self.failure("get", ERROR, "")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        return self.prepare_call("get", self._read, [variable.name for variable in variables], np.asarray(values))
+        places = {name: i for i, name in enumerate((*self._outputs, *self._inputs))}
+        indices = [places.get(variable.name, len(places)) for variable in variables]
+        return self.prepare_call("get", self._read, indices, np.asarray(values))
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
         indices = [self._inputs.index(variable.name) for variable in variables]
@@ -96,7 +97,7 @@ class SampledInstance(Instance):
 
     def _take_sample(self) -> int:
         """Take the sample that is due, or that of this instant again if inputs have changed; returns the status."""
-        state, function = replace(self._state, is_pending=False), self._function
+        state, function = self._state._replace(is_pending=False), self._function
         self._state, instant = state, function.last_sample(state.time)
         if not function.is_sample(state.time) or instant < state.last - function.period / 2:
             return 0
@@ -104,8 +105,8 @@ class SampledInstance(Instance):
         if not is_new and state.last_inputs is not None and np.array_equal(state.last_inputs, state.inputs):
             return 0
         before = state.after if is_new else state.before
-        readings = dict(zip(self._inputs, state.inputs.tolist(), strict=True)) | {TIME: instant}
-        arguments = [readings[variable_name(name)] for name in function.reads]
+        readings = [*state.inputs.tolist(), instant]
+        arguments = [readings[i] for i in self._reads]
         try:
             if function.state is None:
                 result, memory = function.function(*arguments), None
@@ -119,29 +120,30 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        self._state = replace(state, before=before, after=(outputs, memory), last=instant, last_inputs=state.inputs)
+        self._state = state._replace(before=before, after=(outputs, memory), last=instant, last_inputs=state.inputs)
         return 0
 
-    def _read(self, names: Sequence[str], values: Floats) -> int:
+    def _read(self, indices: Sequence[int], values: Floats) -> int:
+        """Get variables by their indices among outputs, inputs and the next event."""
         if self._state.is_pending and (status := self._take_sample()):
             return status
         state, function = self._state, self._function
         is_ready = function.is_due(state.time, state.last + function.delay)
         outputs = (state.after if is_ready else state.before)[0]
-        numbers: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
-        numbers |= dict(zip(self._inputs, state.inputs.tolist(), strict=True))
-        for i, name in enumerate(names):
-            values[i] = numbers[name] if name in numbers else function.next_event(state.time)
+        numbers = [*outputs.tolist(), *state.inputs.tolist()]
+        if len(numbers) in indices:
+            numbers.append(function.next_event(state.time))
+        values[:] = [numbers[i] for i in indices]
         return 0
 
     def _write(self, indices: Sequence[int], values: Floats) -> int:
         inputs = self._state.inputs.copy()
         inputs[indices] = values
-        self._state = replace(self._state, inputs=inputs, is_pending=True)
+        self._state = self._state._replace(inputs=inputs, is_pending=True)
         return 0
 
     def _step(self, time: c_double, size: c_double) -> int:
-        function, self._state = self._function, replace(self._state, time=time.value)
+        function, self._state = self._function, self._state._replace(time=time.value)
         is_taken = abs(self._state.last - function.last_sample(time.value)) < function.period / 2
         if (self._state.is_pending or not is_taken) and (status := self._take_sample()):
             return status
@@ -149,5 +151,5 @@ class SampledInstance(Instance):
         if not function.is_due(self._state.last + function.period, end):
             self._error = f"a sample lies inside the step from t = {time.value:.10g} s of {size.value:.10g} s"
             return ERROR
-        self._state = replace(self._state, time=end, is_pending=not self._inputs)
+        self._state = self._state._replace(time=end, is_pending=not self._inputs)
         return 0
