@@ -1,5 +1,8 @@
 """Types of arrays, indices, and blocks of columns."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,9 +10,8 @@ Floats = NDArray[np.float64]
 """An array of real numbers, of any shape."""
 
 
-def as_indices(numbers: object) -> NDArray[np.intp]:
-    """Integers as an array of indices."""
-    return np.array(numbers, dtype=np.intp)
+as_indices: Callable[[object], NDArray[np.intp]] = partial(np.array, dtype=np.intp)
+"""Integers as an array of indices."""
 
 
 def lane_blocks(rows: Floats, width: int) -> Floats:

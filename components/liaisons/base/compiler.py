@@ -20,7 +20,7 @@ from typing import Literal, cast, final, get_args
 
 from liaisons.base import cache
 from liaisons.base.arguments import as_path, check_choice
-from liaisons.base.project import fmus_directory
+from liaisons.base.folders import fmus_directory
 from liaisons.errors import BuildError
 
 Backend = Literal["auto", "native", "python"]

@@ -1,4 +1,4 @@
-"""Temporary folders that are removed when their process ends, however it ends."""
+"""Folders: of built FMUs, and temporary ones, which are removed when their process ends, however it ends."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ for folder in folders:
 
 _PAUSES = (0.0, 0.01, 0.1, 0.0)
 """Pauses before a folder is removed once more [s]; what is left then is left to the janitor."""
+
+
+def fmus_directory() -> Path:
+    """Directory of built FMUs: ``$LIAISONS_FMUS``, else ``fmus/`` in the working directory."""
+    return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
 @contextmanager

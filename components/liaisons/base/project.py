@@ -1,4 +1,4 @@
-"""Directories of a project, and Python files as modules."""
+"""Python files as modules, and paths relative to the working directory."""
 
 from __future__ import annotations
 
@@ -13,11 +13,6 @@ from liaisons.errors import LiaisonsError, ProjectError
 
 _beside: list[str] = []
 """Folders of files that were loaded, the last one first."""
-
-
-def fmus_directory() -> Path:
-    """Directory of built FMUs: ``$LIAISONS_FMUS``, else ``fmus/`` in the working directory."""
-    return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
 def relative_to_working_directory(path: Path) -> Path:

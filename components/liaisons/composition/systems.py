@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from liaisons.base.arguments import shown
 from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.folders import fmus_directory
 from liaisons.base.identifiers import identifier
-from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.composition.models import compose
 from liaisons.cosim import System, SystemComponent, SystemDocument

@@ -4,18 +4,28 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from liaisons.cosim.arrays import Memory, Numbers
-from liaisons.cosim.compiled.cached import cached_library
-from liaisons.cosim.compiled.calls import HEADER, Action, Call
-from liaisons.cosim.instances import extract_fmus, make_instance
-from liaisons.cosim.instances.loading import SharedFunctions
-from liaisons.cosim.instances.protocol import Instance, Loaded, Scalars
-from liaisons.cosim.messages import DISCARD, ERROR, FATAL, STATUSES, SUCCESS
+from liaisons.cosim.compiled.calls import (
+    DISCARD,
+    ERROR,
+    FATAL,
+    HEADER,
+    STATUSES,
+    SUCCESS,
+    Action,
+    Call,
+    Memory,
+    Numbers,
+    Record,
+    record_type,
+)
+from liaisons.cosim.compiled.library import cached_library
+from liaisons.cosim.instances import extract_fmus, make_instance, try_to_start
+from liaisons.cosim.instances.loading import Loaded, SharedFunctions
+from liaisons.cosim.instances.protocol import Instance, Scalars
 from liaisons.cosim.running.contacts import contact_variables, friction_variables
 from liaisons.cosim.running.kernel import Kernel
 from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.running.run import Run, run_to_end
-from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.document import Diagram, Services, SystemDocument, register
@@ -23,7 +33,6 @@ from liaisons.cosim.structure.scenes import read_result
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import SIGNALS, Signal
-from liaisons.cosim.structures import Record, record_type
 from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.fmu_files import (
     DefaultExperiment,
@@ -37,7 +46,7 @@ from liaisons.fmu_files import (
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
-    from liaisons.cosim.coupling.node import Polynomial
+    from liaisons.cosim.coupling.strong_component import Polynomial
     from liaisons.cosim.instances.fmi2 import Instance2
     from liaisons.cosim.instances.fmi3 import Instance3
     from liaisons.cosim.running.linearization import Linearization, LinearizationMethod
@@ -109,7 +118,7 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "coupling.node": ["Polynomial"],
+        "coupling.strong_component": ["Polynomial"],
         "instances.fmi2": ["Instance2"],
         "instances.fmi3": ["Instance3"],
         "running.linearization": ["Linearization", "LinearizationMethod"],

@@ -10,13 +10,7 @@ from typing import Any, Literal, Self, Unpack, cast, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import (
-    as_path,
-    merged_start_values,
-    name_dictionary,
-    shown,
-    start_value_hints,
-)
+from liaisons.base.arguments import as_path, merged_start_values, name_dictionary, shown, start_value_hints
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.published import registered
 from liaisons.cosim.running.run import Run, run_to_end, start_run

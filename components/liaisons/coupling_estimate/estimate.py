@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from functools import partial
+from itertools import chain, count, pairwise, product, starmap
 from math import gamma
 from typing import Literal, final
 
@@ -148,20 +149,26 @@ class Estimate:
     ) -> None:
         self.initial_calls = initial_calls
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
+        data: dict[tuple[Shape, int, int], list[tuple[int, ...]]] = {}
         for item in followed:
-            alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
-        self._alike = [(key, np.array([(item.column, *item.data) for item in items])) for key, items in alike.items()]
+            key = item.shape, len(item.data), item.order
+            alike.setdefault(key, []).append(item)
+            data.setdefault(key, []).append((item.column, *item.data))
+        self._alike = [*zip(data, map(np.array, data.values()), strict=True)]
         self._followed = [*chain.from_iterable(alike.values())]
         self._names = dict(zip(columns.values(), map(".".join, columns), strict=True))
-        effects = sorted(effect for k, item in enumerate(self._followed) for effect in _error_targets(k, item))
+        effects = sorted(chain.from_iterable(map(_error_targets, count(), self._followed)))
         targets, self._of, gains, once = as_indices(effects).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
         self._targets, self._starts = np.unique(targets, return_index=True)
         self.can_estimate = len(self._targets) > 0
         kinds = np.unique(units, return_inverse=True)[1]
-        self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
+        own = kinds[self._targets]
+        self._of_kind = [*map(np.flatnonzero, own == np.unique(own)[:, None])]
         self._are_angles = np.array(units)[self._targets] == "rad"
-        self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
+        self._answers: list[NDArray[np.intp]] = []
+        for j in self._blind:
+            self._answers.append(as_indices(self._followed[self._of[j]].answers))
         self._kinds, self._units = kinds, units
         self._mechanisms: list[_Watched] = []
         for mechanism in mechanisms:
@@ -190,7 +197,8 @@ class Estimate:
         errors = np.zeros(len(times))
         peaks = np.abs(rows).max(axis=0, initial=0.0, where=np.isfinite(rows))[: len(self._kinds)]
         kinds = self._kinds[self._targets]
-        self._sizes = np.array([peaks[self._kinds == kinds[targets[0]]].max() for targets in self._of_kind])
+        for k, targets in enumerate(self._of_kind):
+            self._sizes[k] = peaks[self._kinds == kinds[targets[0]]].max()
         serious, contacts = np.zeros(len(times)), np.zeros((2, len(self._mechanisms), len(times)))
         block = max(_POINTS_BEFORE, _NUMBERS // rows.shape[1])
         for first in range(1, len(times), block):
@@ -281,8 +289,8 @@ class Estimate:
             largest = np.maximum(np.maximum.accumulate(scales[targets].max(axis=0)), self._sizes[k])
             self._sizes[k] = largest[-1]
             scales[targets] = np.where(largest > 0, largest, 1.0)
-        integrals = [_error_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
-        once, twice = map(np.concatenate, zip(*integrals, strict=True))
+        integrate = partial(_error_integrals, signals=signals, steps=steps, crossing=crossing)
+        once, twice = map(np.concatenate, zip(*starmap(integrate, self._alike), strict=True))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
         has_gain = self._gains >= 0
         added[has_gain] *= signals[self._gains[has_gain], 1:]
@@ -376,15 +384,16 @@ def _hermite_integrals(data: Floats, steps: Floats, crossing: Flags) -> Integral
     point = np.where(unknown, np.arange(many), np.arange(many) + np.where(earlier, -1, 2))
     x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # its time, in steps from the start
     scales = steps ** np.arange(m)[:, None]
-    ends = [data[k, :, end : end + many] * scales[k] for end in (0, 1) for k in range(m)]
     powers = x ** np.arange(2 * m)[:, None]
     slopes = np.arange(1, 2 * m)[:, None] * powers[:-1]
     weights, weight = coefficient_matrix(m), (x * (x - 1)) ** m
-    value = sum(values * (row @ powers) for row, values in zip(weights.T, ends, strict=True))
+    value = slope = np.zeros(1)
+    for row, (end, k) in zip(weights.T, product((0, 1), range(m)), strict=True):
+        values = data[k, :, end : end + many] * scales[k]
+        value, slope = value + values * (row @ powers), slope + values * (row[1:] @ slopes)
     first = (data[0, :, point].T - value) / weight
     second = np.zeros_like(first)
     if m > 1:
-        slope = sum(values * (row[1:] @ slopes) for row, values in zip(weights.T, ends, strict=True))
         tilt = m * (x * (x - 1)) ** (m - 1) * (2 * x - 1)
         second = (data[1, :, point].T * scales[1] - slope - tilt * first) / weight
     bulge = (-1) ** m * gamma(m + 1) ** 2 / gamma(2 * m + 2)

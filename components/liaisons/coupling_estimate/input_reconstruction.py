@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from operator import itemgetter
 from typing import final
 
 import numpy as np
 
-from liaisons.cosim import Call, Kernel, Polynomial, Port, Simulation, VariableReference, contact_variables
+from liaisons.cosim import Call, Fmu, Kernel, Polynomial, Port, VariableReference, contact_variables
 from liaisons.coupling_estimate.contacts import ContactMechanism
 from liaisons.coupling_estimate.estimate import Estimate, InputReconstruction, Shape
 
@@ -27,18 +28,15 @@ def coupling_estimate(kernel: Kernel) -> Estimate | None:
 def _prepare_initial_gains(kernel: Kernel) -> list[Call]:
     """Prepare calls that calculate ∂(acceleration)/∂(input) at the start, where Newton's method does not."""
     simulation, bus, calls = kernel.simulation, kernel.bus, list[Call]()
-    solved_inputs = {input_ for _, input_ in bus.gain_columns}
+    solved_inputs = {*map(itemgetter(1), bus.gain_columns)}
     for name, part in simulation.parts.items():
-        fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
-        if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
+        if part.approximation.method is None or not part.fmu.provides_directional_derivatives:
             continue
-        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _rate_and_value(Port(part, p[1])) is not None]
-        variables = part.fmu.variables
-        for input_ in fed:
-            rows = [p for p in moving if simulation.depends(p, input_)]
-            if rows:
-                column = bus.add_gains(rows, input_)
-                unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
+        moving = _rates_and_values(part.fmu)
+        for input_ in bus.inputs[name]:
+            ours = () if input_ in solved_inputs else (*bus.outputs(name), *bus.inputs[name])
+            if rows := [p for p in ours if p[1] in moving and simulation.depends(p, input_)]:
+                column, unknowns, known = bus.add_gains(rows, input_), part.scalars(rows), part.scalars([input_])
                 calls.append(kernel.instances[name].directional_derivatives(unknowns, known, np.ones(1), column))
     return calls
 
@@ -47,8 +45,8 @@ def _contact_mechanisms(kernel: Kernel) -> list[ContactMechanism]:
     """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
     bus, mechanisms = kernel.bus, list[ContactMechanism]()
     for name, part in kernel.simulation.parts.items():
-        index, contacts = bus.index, contact_variables(part)
-        if contacts and bus.inputs[name]:
+        if part.fmu.has_contacts and bus.inputs[name] and (contacts := contact_variables(part)):
+            index = bus.index
             columns = np.array([bus.columns(contact) for contact in contacts])
             inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
             mechanisms.append(ContactMechanism(name, columns, inputs))
@@ -71,7 +69,7 @@ def _input_reconstructions(kernel: Kernel) -> list[InputReconstruction]:
             continue
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
-            answers = tuple(bus.index[output] for output in bus.outputs(target[0]))
+            answers = tuple(map(bus.index.__getitem__, bus.outputs(target[0])))
             origin = "a function of time" if is_function else ".".join(source)
             name, own_effects = f"{origin} -> {'.'.join(target)}", tuple(effects.get(target, ()))
             reconstructions.append(
@@ -101,26 +99,24 @@ class _PolynomialTable:
 
     kernel: Kernel
 
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation."""
-        return self.kernel.simulation
-
     @cached_property
     def columns(self) -> dict[VariableReference, int]:
         """Column of each output on the bus; of a function of time, that of the input that it drives."""
-        index, parts, feeds = self.kernel.bus.index, self.simulation.parts, self.simulation.feeds.items()
-        return {**index, **{source: index[target] for target, source in feeds if source[0] not in parts}}
+        columns, simulation = dict(self.kernel.bus.index), self.kernel.simulation
+        for target, source in simulation.feeds.items():
+            if source[0] not in simulation.parts:
+                columns[source] = columns[target]
+        return columns
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
         """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
         own, deviations = self.columns[source], self.kernel.deviations
-        references, order = self.simulation.port_and_order(source)
+        references, order = self.kernel.simulation.port_and_order(source)
         integral, numbers = deviations.columns.get(target, (0, 0)) if deviations else (0, 0)
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
         match self._shape(target, is_port=len(references) == 3):
             case "port":
-                port = [self.columns[reference] for reference in references]
+                port = [*map(self.columns.__getitem__, references)]
                 return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
             case "points":
                 return ("cubic", integrals, 0) if is_driven else ("points", [own], 0)
@@ -137,13 +133,13 @@ class _PolynomialTable:
         """What the coupled step says of an input; in explicit coupling FMUs have values at the end, or their own."""
         if self.kernel.coupled is not None:
             return self.kernel.coupled.polynomials[target]
-        simulation, part = self.simulation, self.simulation.parts[target[0]]
+        simulation, part = self.kernel.simulation, self.kernel.simulation.parts[target[0]]
         if target[0] in simulation.chosen_reconstructions or not part.approximation.takes_end_values:
             return "as set"
         return "port" if is_port and Port(part, target[1]).motion_and_order()[0] else "line"
 
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
-        part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
+        part, feeds = self.kernel.simulation.parts[target[0]], self.kernel.simulation.feeds
         method, (triple, order) = part.approximation.method, Port(part, target[1]).motion_and_order()
         if method is None and target not in self.kernel.late_inputs:
             return "newest", [own], 0
@@ -155,17 +151,21 @@ def _effect_columns(kernel: Kernel) -> dict[VariableReference, list[tuple[int, i
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
     bus, effects = kernel.bus, dict[VariableReference, list[tuple[int, int, int]]]()
     for (output, input_), column in bus.gain_columns.items():
-        ports = _rate_and_value(Port(kernel.simulation.parts[output[0]], output[1]))
-        if ports is not None:
-            rate, value = ports
-            columns = column, bus.index.get(rate.reference, -1), bus.index.get(value.reference, -1)
+        owner, acceleration = output
+        if names := _rates_and_values(kernel.simulation.parts[owner].fmu).get(acceleration):
+            rate, value = names
+            columns = column, bus.index.get((owner, rate), -1), bus.index.get((owner, value), -1)
             effects.setdefault(input_, []).append(columns)
     return effects
 
 
-def _rate_and_value(acceleration: Port) -> tuple[Port, Port] | None:
-    """Rate and value of the port of an acceleration; None for a variable that is not an output acceleration."""
-    triple, order = acceleration.motion_and_order()
-    if triple is None or order != 2 or acceleration.variable.causality != "output":
-        return None
-    return triple[1], triple[0]
+@lru_cache(maxsize=64)
+def _rates_and_values(fmu: Fmu) -> dict[str, tuple[str, str]]:
+    """Output that is an acceleration -> rate and value of its port."""
+    names: dict[str, tuple[str, str]] = {}
+    for acceleration in fmu.reals("output"):
+        port = fmu.terminals.port(acceleration)
+        if port is not None and port.motion is not None and port.motion[2] == acceleration:
+            value, rate, _ = port.motion
+            names[acceleration] = rate, value
+    return names

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import IO, Literal, final
 from zipfile import ZipFile
@@ -20,7 +21,7 @@ from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.errors import SimulationError, suggestion
 from liaisons.fmu_files.model_description import Description, Table, parse
 from liaisons.fmu_files.terminals import Terminals, read_terminals
-from liaisons.fmu_files.variables import LONGEST, RECORDED, Scalar, Variables
+from liaisons.fmu_files.variables import LONGEST, RECORDED, Scalar, Variables, VariableType
 
 _MOST_STEPS = 1e12
 
@@ -96,8 +97,9 @@ class Fmu:
     _outputs: Table = field(default_factory=dict, repr=False)
     _initial: Table = field(default_factory=dict, repr=False)
     function: object = None
+    _recorded: dict[frozenset[VariableType], list[str]] = field(default_factory=dict, init=False, repr=False)
 
-    @property
+    @cached_property
     def arrays(self) -> Mapping[str, Shape]:
         """Shapes of arrays by name: variables of FMI 3.0, and ``x[1]``, ``x[2]``, ... of FMI 2.0."""
         return self.variables.arrays
@@ -116,13 +118,30 @@ class Fmu:
         """
         return self._scalars({"Real"}, causalities, longest)
 
-    def recorded(self, types: Collection[str] = RECORDED) -> list[str]:
+    def recorded(self, types: frozenset[VariableType] = RECORDED) -> list[str]:
         """Names that are recorded by default: outputs and inputs, without arrays longer than :data:`LONGEST`.
 
         If there are none, local variables, :data:`LONGEST` of them at most.
         """
-        names = self._scalars(types, ("output", "input"), LONGEST)
-        return names or self._scalars(types, ("local",), LONGEST)[:LONGEST]
+        if types not in self._recorded:
+            names = self._scalars(types, ("output", "input"), LONGEST)
+            self._recorded[types] = names or self._scalars(types, ("local",), LONGEST)[:LONGEST]
+        return [*self._recorded[types]]
+
+    @cached_property
+    def structural_parameters(self) -> frozenset[str]:
+        """Names of the variables that are set in configuration mode."""
+        return frozenset(name for name, entry in self.variables.entries.items() if entry.prototype.is_structural)
+
+    @cached_property
+    def unset_inputs(self) -> Sequence[str]:
+        """Names of real inputs without a start value; of no arrays longer than :data:`LONGEST`."""
+        return [name for name in self.reals("input", longest=LONGEST) if self.variables[name].start is None]
+
+    @cached_property
+    def has_contacts(self) -> bool:
+        """Whether the name of a variable tells of impacts or dry friction."""
+        return any(re.search("_impacts|_sticks", name) for name in self.variables.entries)
 
     def _scalars(self, types: Collection[str], causalities: Collection[str], longest: float) -> list[str]:
         return [
@@ -144,7 +163,7 @@ class Fmu:
                 names.append(name)
         return names
 
-    @property
+    @cached_property
     def next_event_variable(self) -> Scalar | None:
         """The variable ``next_event_time``, the next instant [s] at which outputs jump; None without such a variable.
 
@@ -156,7 +175,7 @@ class Fmu:
         marked = (event.type, event.causality, event.continuous, event.unit) == ("Real", "local", False, "s")
         return event if marked else None
 
-    @property
+    @cached_property
     def has_sampled_outputs(self) -> bool:
         """Whether all outputs are discrete and their next change is announced, as those of a sampled controller."""
         if self.next_event_variable is None:

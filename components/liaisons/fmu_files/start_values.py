@@ -42,7 +42,7 @@ def checked_starts(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[s
         variable = fmu.variables[name]
         if variable.is_structural and variable.type == "Integer" and value != int(variable.start or 0):
             raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
-        base, index = array_and_index(name)
+        base, index = array_and_index(name) if name.endswith("]") else (name, None)
         entry = fmu.variables.entries.get(base)
         if index is None or not isinstance(entry, Array) or not (entry.is_variable or base in values):
             values[name] = value

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
@@ -59,6 +60,9 @@ class TerminalDescription:
     :param members: variables by member name.
     :param nested: terminals inside this one, by name: of a point, its components.
     :param point: name of the enclosing terminal and of this one in it; None at the top.
+    :ivar motion: names of the variables of value, rate and acceleration; None unless the terminal has all three.
+    :ivar force: that of the force, opposite to the motion in causality; None if there is none.
+    :ivar impulse: that of the sum of impulses, of the same causality as the force; None if there is none.
     """
 
     name: str
@@ -67,24 +71,16 @@ class TerminalDescription:
     members: Mapping[str, MemberVariable] = field(default_factory=dict)
     nested: Mapping[str, TerminalDescription] = field(default_factory=dict)
     point: PointComponent | None = None
+    motion: tuple[str, str, str] | None = field(init=False, repr=False, default=None)
+    force: str | None = field(init=False, repr=False, default=None)
+    impulse: str | None = field(init=False, repr=False, default=None)
 
-    @property
-    def motion(self) -> tuple[str, str, str] | None:
-        """Names of the variables of value, rate and acceleration; None unless the terminal has all three."""
-        value, rate, acceleration = map(self.members.get, _MOTION)
-        if value is None or rate is None or acceleration is None:
-            return None
-        return value.variable, rate.variable, acceleration.variable
-
-    @property
-    def force(self) -> str | None:
-        """Name of the variable of the force, opposite to the motion in causality; None if there is none."""
-        return self.members[_FORCE].variable if _FORCE in self.members else None
-
-    @property
-    def impulse(self) -> str | None:
-        """Name of the variable of the sum of impulses, of the same causality as the force; None if there is none."""
-        return self.members[_IMPULSE].variable if _IMPULSE in self.members else None
+    def __post_init__(self) -> None:
+        names = {name: member.variable for name, member in self.members.items()}
+        if names.keys() >= {*_MOTION}:
+            object.__setattr__(self, "motion", tuple(names[name] for name in _MOTION))
+        object.__setattr__(self, "force", names.get(_FORCE))
+        object.__setattr__(self, "impulse", names.get(_IMPULSE))
 
     def element(self, index: str) -> TerminalDescription:
         """Terminal whose members are one element of each array; ``index`` is for example ``"[3]"``."""
@@ -103,6 +99,8 @@ class Terminals:
 
     :ivar named: terminals that are not nested, by name.
     :ivar renamed: name of the value -> names of the members, of ports that :func:`port_names` does not describe.
+    :ivar get: name of a terminal, or of an element of one -> the terminal; None if there is none.
+    :ivar port: name of a variable, an array or an element of one -> the port to which it belongs; None without one.
     """
 
     def __init__(self, variables: Variables, declared: Sequence[TerminalDescription] = ()) -> None:
@@ -118,6 +116,7 @@ class Terminals:
                 self._add(_terminal_by_names(names, variables), variables)
         for name, nested in self._points.items():
             self.named.setdefault(name, TerminalDescription(name, nested=nested))
+        self.get, self.port = partial(_terminal_or_element, self.named), partial(_terminal_or_element, self._ports)
 
     def _add(self, terminal: TerminalDescription, variables: Variables) -> None:
         """Add a terminal and those nested in it."""
@@ -140,14 +139,6 @@ class Terminals:
                 self._points.setdefault(usual.point, {})[usual.axis] = terminal
             for member in terminal.members.values():  # of two terminals with the same variables, the first
                 self._ports.setdefault(member.variable, terminal)
-
-    def get(self, name: str) -> TerminalDescription | None:
-        """The terminal with a name, or with that of an element; None if there is none."""
-        return _terminal_or_element(self.named, name)
-
-    def port(self, variable: str) -> TerminalDescription | None:
-        """The port to which a variable, an array or an element of one belongs; None if there is none."""
-        return _terminal_or_element(self._ports, variable)
 
 
 def _terminal_or_element(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:

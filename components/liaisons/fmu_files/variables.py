@@ -135,6 +135,8 @@ class Variables(Mapping[str, Scalar]):
         entry = self.entries.get(name)
         if isinstance(entry, Scalar):
             return entry
+        if not name.endswith("]"):
+            raise KeyError(name)
         base, index = array_and_index(name)
         array = self.entries.get(base)
         if index is None or not isinstance(array, Array):

@@ -14,8 +14,9 @@ from weakref import WeakKeyDictionary
 from liaisons.base.archive import file_identity
 from liaisons.base.arguments import check_integer, shown
 from liaisons.base.compiler import Backend, BuildSettings, Fmi, Platforms
+from liaisons.base.folders import fmus_directory
 from liaisons.base.logs import logger
-from liaisons.base.project import ProjectError, fmus_directory, load_module
+from liaisons.base.project import ProjectError, load_module
 from liaisons.base.published import load_published_component, own_components, published_components, publishers
 from liaisons.errors import LiaisonsError, suggestion
 from liaisons.library.unchanged import is_unchanged, note_unchanged

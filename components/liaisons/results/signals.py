@@ -194,7 +194,7 @@ class LabelledSignals:
         """Indices of rows, and shape, of each array whose elements are all recorded, by name."""
         elements: dict[str, tuple[list[int], list[Shape]]] = {}
         for name, row in self._row_by_name.items():
-            base, index = array_and_index(name)
+            base, index = array_and_index(name) if name.endswith("]") else (name, None)
             if index is not None and base not in self._row_by_name:
                 rows, indices = elements.setdefault(base, ([], []))
                 rows.append(row)

@@ -18,7 +18,7 @@ from liaisons.base.arguments import (
     start_value_hints,
 )
 from liaisons.base.files import file_beside, read_toml_arguments
-from liaisons.base.progress import deferred_interrupts, progress_bar
+from liaisons.base.logs import deferred_interrupts, progress_bar
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
 from liaisons_motion.goals import Cost, Goal, Place

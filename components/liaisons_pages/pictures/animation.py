@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.base.arguments import check_finite
 from liaisons.base.arrays import Floats
 from liaisons.base.files import replacement_path
-from liaisons.base.progress import progress_bar
+from liaisons.base.logs import progress_bar
 from liaisons.errors import SimulationError
 from liaisons.results import Picture, Scene
 from liaisons_pages.pictures.frames import RATE, Frames, picture_frames

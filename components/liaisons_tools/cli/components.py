@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import typer
 
 from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.folders import fmus_directory
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
-from liaisons.base.project import fmus_directory, relative_to_working_directory
+from liaisons.base.project import relative_to_working_directory
 from liaisons.base.published import own_components, published_components, publishers
 from liaisons.errors import BackEndError, LiaisonsError, ProjectError
 from liaisons.library import build_versions, is_target, reserve_fmu

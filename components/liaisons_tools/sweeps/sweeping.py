@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 import liaisons
 from liaisons.base.arguments import as_path, check_integer, check_positive, name_dictionary
 from liaisons.base.arrays import Floats
-from liaisons.base.logs import Warnings, logger
-from liaisons.base.progress import progress_bar
+from liaisons.base.logs import Warnings, logger, progress_bar
 from liaisons.cosim import Coupling, Settings, System, SystemDocument, VariableReference, checked_simulation
 from liaisons.errors import SimulationError, SweepError
 from liaisons.results import Result

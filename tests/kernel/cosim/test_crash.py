@@ -40,7 +40,7 @@ def test_fmu_that_crashes_at_the_begin(fmu: FmuPaths, name: str, starts: dict[st
 def test_crash_where_processes_cannot_be_forked(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, name: str, when: int, stage: str
 ) -> None:
-    monkeypatch.setattr("liaisons.cosim.running.trial.isolation", lambda: None)
+    monkeypatch.setattr("liaisons.cosim.instances.isolation", lambda: None)
     starts: dict[str, Any] = {"when": when} if when else {}
     with pytest.raises(SimulationError, match=rf"crashes when it is {stage} \(SIGSEGV\)"):
         simulate(fmu(name), stop_time=1.0, step_size=0.5, **starts)

@@ -20,7 +20,7 @@ from making import FmuPaths, rewritten, wait_for
 from liaisons.base import cache
 from liaisons.base.archive import Archive
 from liaisons.cosim import System, simulate
-from liaisons.cosim.running import trial
+from liaisons.cosim import instances as trial
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
 

@@ -217,7 +217,7 @@ def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("liaisons.base.cache._entries", {})
     assert _loaded() is not None
     (library,) = (path for path in (tmp_path / "cache").iterdir() if path.is_file())
-    monkeypatch.setattr("liaisons.cosim.compiled.cached.compile_library", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr("liaisons.cosim.compiled.library.compile_library", lambda *_: pytest.fail("compiled again"))
     monkeypatch.setattr("liaisons.base.cache._entries", {})  # as in another process
     found = _loaded()
     assert found is not None
@@ -237,7 +237,7 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
 
     monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path)
     monkeypatch.setattr("liaisons.base.cache._entries", {})
-    monkeypatch.setattr("liaisons.cosim.compiled.cached.compile_library", refuse)
+    monkeypatch.setattr("liaisons.cosim.compiled.library.compile_library", refuse)
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
         assert _loaded() is None
     assert "made by Python: no C compiler is found" in caplog.text

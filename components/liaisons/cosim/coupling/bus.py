@@ -5,17 +5,17 @@ The values lie in one array, so that a row of a recording is one copy of it.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_double
+from itertools import count, filterfalse, repeat
 from typing import final
 
 import numpy as np
 
 from liaisons.base.arrays import as_indices
 from liaisons.base.unit_definitions import Conversion
-from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
-from liaisons.cosim.messages import WARNING
+from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, WARNING, Call, Indices, Vector
 from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference
 
 
@@ -48,15 +48,16 @@ class Bus:
         self.order = order
         self._feeds = feeds
         self._conversions = conversions
-        self.connected_outputs = _by_component(order, sources)
-        not_connected = [r for r in dict.fromkeys(recorded) if r not in feeds and r not in sources]
-        self.recorded_only = _by_component(order, not_connected)
-        self.inputs = _by_component(order, feeds)
-        references = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
-        self.index = {reference: k for k, reference in enumerate(references)}
-        most = sum((1 + len(self.inputs[name])) * (1 + len(self.outputs(name))) for name in order)
-        most += 2 * len(references)
-        self._store = np.zeros(len(references) + most)  # with room for slopes, derivatives by inputs, integrals
+        self.connected_outputs = _by_component(sources)
+        self.recorded_only = _by_component(filterfalse({*feeds, *sources}.__contains__, dict.fromkeys(recorded)))
+        self.inputs = _by_component(feeds)
+        references, room = list[VariableReference](), 0  # for slopes, derivatives by inputs, integrals
+        for name in order:
+            outputs, inputs = self.outputs(name), self.inputs[name]
+            references += (*outputs, *inputs)
+            room += (1 + len(inputs)) * (1 + len(outputs))
+        self.index = dict(zip(references, count()))
+        self._store = np.zeros(3 * len(references) + room)
         self.values = self._store[: len(references)]
         self.slope_columns: dict[VariableReference, int] = {}
         self.gain_columns: dict[OutputInput, int] = {}
@@ -98,7 +99,7 @@ class Bus:
 
     def columns(self, references: Iterable[VariableReference]) -> Indices:
         """Columns of variables."""
-        return as_indices([self.index[reference] for reference in references])
+        return as_indices([*map(self.index.__getitem__, references)])
 
     def add_columns(self, size: int) -> tuple[int, Vector]:
         """Add columns without names; returns the index of the first, and a view of their values."""
@@ -109,13 +110,13 @@ class Bus:
     def add_slopes(self, outputs: Collection[VariableReference]) -> Vector:
         """Add columns for the derivatives of outputs by time; returns a view of their values."""
         first, values = self.add_columns(len(outputs))
-        self.slope_columns |= {output: first + k for k, output in enumerate(outputs)}
+        self.slope_columns |= zip(outputs, count(first))
         return values
 
     def add_gains(self, outputs: Collection[VariableReference], input_: VariableReference) -> Vector:
         """Add columns for the derivatives of outputs by an input; returns a view of their values."""
         first, values = self.add_columns(len(outputs))
-        self.gain_columns |= {(output, input_): first + k for k, output in enumerate(outputs)}
+        self.gain_columns |= zip(zip(outputs, repeat(input_)), count(first))
         return values
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
@@ -151,9 +152,9 @@ def _convert(bus: memoryview[float], target: int, source: int, conversion: Conve
     bus[target] = conversion.apply(bus[source])
 
 
-def _by_component(names: Iterable[str], references: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:
+def _by_component(references: Iterable[VariableReference]) -> Mapping[str, list[VariableReference]]:
     """Component -> its variables."""
-    grouped: dict[str, list[VariableReference]] = {name: [] for name in names}
+    grouped: defaultdict[str, list[VariableReference]] = defaultdict(list)
     for reference in references:
         grouped[reference[0]].append(reference)
     return grouped

@@ -17,8 +17,8 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from liaisons.base.arrays import as_indices
-from liaisons.cosim.arrays import Indices
 from liaisons.cosim.compiled import library as compiled
+from liaisons.cosim.compiled.calls import Indices
 from liaisons.cosim.coupling.records import EliminationRecord
 
 _SMALLEST_PIVOT = 1e-3

@@ -7,8 +7,7 @@ from ctypes import c_double
 from functools import cache, partial
 from typing import NamedTuple
 
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, Vector
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure import schedule
@@ -60,7 +59,7 @@ def _operation_calls(
     if name == SIGNALS:
         drives = simulation.drives if action == "get" else ()
         return [Call(_evaluate_drive, drive, bus.end, bus.view(drive.references)) for drive in drives]
-    instance, variables = instances[name], simulation.parts[name].fmu.variables
+    instance = instances[name]
     if action == "step":
         return [instance.stepper(bus.start, bus.size)]
     outputs = bus.connected_outputs[name] if initial else bus.outputs(name)
@@ -68,7 +67,7 @@ def _operation_calls(
     if not references:
         return []
     prepare = instance.setter if action == "set" else instance.getter
-    transfer = prepare([variables[variable] for _, variable in references], bus.view(references))
+    transfer = prepare(simulation.parts[name].scalars(references), bus.view(references))
     return [*bus.copies(references), transfer] if action == "set" else [transfer]
 
 

@@ -6,26 +6,24 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from ctypes import addressof, byref, c_double
 from functools import partial
+from itertools import chain, repeat
 from typing import Any, NoReturn, final
 
 import numpy as np
 
 from liaisons.base.clocks import time_rounding
 from liaisons.base.hermite import upper_coefficients
-from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
+from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call, Memory, Record, Vector
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls
-from liaisons.cosim.coupling.node import INSIDE, Node, Phase, Polynomial
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
-from liaisons.cosim.coupling.strong_component import StrongComponent
+from liaisons.cosim.coupling.strong_component import INSIDE, Node, Phase, Polynomial, StrongComponent
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS
-from liaisons.cosim.structures import Record
+from liaisons.cosim.structure.sources import SIGNALS, Drive
 
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
@@ -43,30 +41,28 @@ class Coupled:
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         self._bus = bus
         self._times = simulation.times
-        parts = simulation.parts
-        references = [reference for name in (SIGNALS, *parts) for reference in bus.connected_outputs[name]]
+        references = [*chain.from_iterable(map(bus.connected_outputs.__getitem__, (SIGNALS, *simulation.parts)))]
         self.signals = signals = Signals(simulation, references)
-        self._drives = [
-            (
-                drive,
-                [signals.index[r] for r in drive.references],
-                [signals.slope_index(r) for r in drive.references[2:]],
-            )
-            for drive in simulation.drives
-        ]
+        self._drives: list[tuple[Drive, list[int], list[int]]] = []
+        for drive in simulation.drives:
+            indices = [*map(signals.index.__getitem__, drive.references)]
+            self._drives.append((drive, indices, [*map(signals.slope_index, drive.references[2:])]))
         self._components = _strong_components(simulation, instances, bus, signals)
-        newtons = [newton for component in self._components for newton in component.newtons]
-        self._matrices = [record for newton in newtons for record in (newton.record, newton.elimination.record)]
-        nodes = [node for component in self._components for node in component.nodes]
-        self.error_order = min((node.error_order for node in nodes), default=6)
-        self.polynomials: dict[VariableReference, Polynomial] = {
-            input_: polynomial
-            for node in nodes
-            for input_, polynomial in zip(bus.inputs[node.name], node.polynomials, strict=True)
-        }
+        self._matrices, nodes = list[Record](), list[Node]()
+        for component in self._components:
+            nodes += component.nodes
+            for newton in component.newtons:
+                self._matrices += newton.record, newton.elimination.record
+        self.error_order, self.polynomials = 6, dict[VariableReference, Polynomial]()
+        for node in nodes:
+            self.error_order = min(self.error_order, node.error_order)
+            self.polynomials |= zip(bus.inputs[node.name], node.polynomials, strict=True)
         leading = _leading_curves(simulation, signals)
-        *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
-        self._memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
+        *self._histories, self._driven = histories = [*map(SignalHistory, repeat(signals), leading)]
+        arrays = [*signals.memory.arrays]
+        for history in histories:
+            arrays += history.memory.arrays
+        self._memory = Memory(arrays)
         library = compiled.step_library()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
@@ -76,11 +72,7 @@ class Coupled:
         advance = self._coupled_call(library.advance_coupled, "step")
         settle = [Call(self._evaluate_drives_at_instant)] if self._drives else []
         settle.append(self._coupled_call(library.settle_coupled, "instant"))
-        read = [
-            instances[name].getter([parts[name].fmu.variables[v] for _, v in references], bus.view(references))
-            for name, references in bus.recorded_only.items()
-            if references
-        ]
+        read = _reading_calls(simulation, instances, bus)
         instant = [*settle, *read]
         self.calls = CommunicationCalls(
             [Call(self._initialize)], instant, [advance, *read], [Call(self._cross), *instant]
@@ -96,13 +88,13 @@ class Coupled:
         """Prepare the system for compiled code."""
         signals, components = self.signals, self._components
         self._drive_call = Call(self._evaluate_drives_in_step)
-        self._source_calls = [
-            Call(self._step_source_in_thirds, k) if component.source_node else None
-            for k, component in enumerate(components)
-        ]
-        calls = zip((*self._histories, self._driven), (*self._source_calls, None), strict=True)
-        self._referenced = histories = [history.record(call) for history, call in calls]
-        records, settled = ([c.equations(phase) for c in components] for phase in ("step", "instant"))
+        self._source_calls: list[Call | None] = []
+        for k, component in enumerate(components):
+            self._source_calls.append(Call(self._step_source_in_thirds, k) if component.source_node else None)
+        calls = *self._source_calls, None
+        self._referenced = histories = [*map(SignalHistory.record, (*self._histories, self._driven), calls)]
+        records = [*map(partial(StrongComponent.equations, phase="step"), components)]
+        settled = map(partial(StrongComponent.equations, phase="instant"), components)
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
         record.point(components=(StrongComponentRecord * len(components))(*records))
         record.point(settled=(StrongComponentRecord * len(components))(*settled))
@@ -111,9 +103,13 @@ class Coupled:
         record.orders, record.instants = INSIDE.shape
         record.point(before=signals.before, now=signals.now, earlier=signals.earlier, since=signals.since)
         record.point(sizes=signals.sizes, result=signals.result, rates=signals.rates, kind=signals.kinds, inside=INSIDE)
-        nodes = [node for component in records for node in component.targets["nodes"]]
-        record.point(held=signals.held, room=np.empty(max((n.data + n.derivatives for n in nodes), default=0)))
-        record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
+        unknowns = room = 0
+        for component in records:
+            unknowns = max(unknowns, component.n)
+            for node in component.targets["nodes"]:
+                room = max(room, node.data + node.derivatives)
+        record.point(held=signals.held, room=np.empty(room))
+        record.point(scratch=np.empty(_ROOM * unknowns + len(signals.sizes)))
         return record
 
     def _raise_failure(self, phase: Phase, _action: Action, status: int, _when: str) -> NoReturn:
@@ -136,12 +132,14 @@ class Coupled:
         self._memory.reset()
         self.signals.sizes[:] = 0.0
         self.signals.result[:] = 0.0
-        for newton in (newton for component in self._components for newton in component.newtons):
-            newton.record.ready = False  # the next step calculates it again
+        for component in self._components:
+            for newton in component.newtons:
+                newton.record.ready = False  # the next step calculates it again
 
     def _initialize(self) -> None:
         """Solve the equations of initialization, from the start values on."""
-        self._evaluate_drives_at_instant()
+        if self._drives:
+            self._evaluate_drives_at_instant()
         for component in self._components:
             component.read_start_values()
             self._solve(component, "initialization")
@@ -228,6 +226,15 @@ class Coupled:
                 self.signals.now[slopes] = 0.0 if other is None else _jerk_at_end(values, drive(other), time - other)
 
 
+def _reading_calls(simulation: Simulation, instances: Instances, bus: Bus) -> list[Call]:
+    """Calls that read what is recorded, and feeds nothing."""
+    calls: list[Call] = []
+    for name, part in simulation.parts.items():
+        if references := bus.recorded_only[name]:
+            calls.append(instances[name].getter(part.scalars(references), bus.view(references)))
+    return calls
+
+
 def _strong_components(
     simulation: Simulation, instances: Instances, bus: Bus, signals: Signals
 ) -> list[StrongComponent]:
@@ -245,8 +252,10 @@ def _strong_components(
 
 def _leading_curves(simulation: Simulation, signals: Signals) -> list[list[Curve]]:
     """Curves of the inputs that each strong component, and last the functions of time, feed in later components."""
-    number = simulation.group_number | {SIGNALS: len(simulation.strong_components)}
-    leading: list[list[Curve]] = [[] for _ in range(len(simulation.strong_components) + 1)]
+    number, leading = dict[str, int](), list[list[Curve]]()
+    for group in (*simulation.strong_components, [SIGNALS]):
+        number |= dict.fromkeys(group, len(leading))
+        leading.append([])
     for target, (source, _) in simulation.feeds.items():
         if number[source] != number[target[0]] and target[0] not in simulation.chosen_reconstructions:
             leading[number[source]].append(signals.curve(target))

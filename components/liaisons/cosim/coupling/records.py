@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from liaisons.cosim.compiled.calls import HEADER
-from liaisons.cosim.structures import record_type
+from liaisons.cosim.compiled.calls import HEADER, record_type
 
 AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
 """How inputs move within a step."""

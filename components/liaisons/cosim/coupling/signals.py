@@ -6,19 +6,18 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress, count
 from typing import Any, final
 
 import numpy as np
 
 from liaisons.base.arrays import as_indices
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Memory
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, Memory, Record
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
-from liaisons.cosim.structures import Record
 
 
 @final
@@ -54,6 +53,14 @@ def polynomial_arrays(curves: Sequence[Curve], zero: int, highest: int) -> tuple
         ``factors``, both of shape (derivatives, terms), the power of H in the denominator, ``after``, the signal that
         it is at the start, ``begun``, and the input that it is a derivative ``of``.
     """
+    return _polynomial_arrays(tuple(curves), zero, highest)
+
+
+@lru_cache(maxsize=1024)
+def _polynomial_arrays(
+    curves: tuple[Curve, ...], zero: int, highest: int
+) -> tuple[list[tuple[int, int]], dict[str, Any]]:
+    """The arrays themselves, once for systems that are alike."""
     derivatives = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
     motions = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
     followed = curves if highest > 1 else [Curve((c.data[c.order],), 0, c.rate) for c in curves]
@@ -109,7 +116,7 @@ class Signals:
         self._port_and_order = simulation.port_and_order
         self.count = len(references)
         self.references = references
-        self.index = {reference: k for k, reference in enumerate(references)}
+        self.index = dict(zip(references, count()))
         self.sloped = self._find_components_with_slopes()
         self.zero = 2 * self.count
         self.ends = np.zeros((2, self.zero + 1))
@@ -117,9 +124,11 @@ class Signals:
         self.earlier = np.zeros(self.zero + 1)  # at the point before t
         self.since = np.zeros(1)  # how long ago that was; 0: there was none
         self.held = np.zeros(self.zero + 1, dtype=bool)
-        self.held[: self.count] = [not self._is_continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
-        self.rates[: self.count] = [self._rate_index(reference) for reference in references]
+        for reference, k in self.index.items():
+            owner, variable = reference
+            self.held[k] = owner != SIGNALS and not self._parts[owner].fmu.variables[variable].continuous
+            self.rates[k] = self._rate_index(reference)
         self.kinds = np.unique(simulation.units_of(references), return_inverse=True)[1]
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
@@ -140,7 +149,7 @@ class Signals:
         """
         source = self._feeds[input_]
         triple, order = self._port_and_order(source)
-        data = [self.index[reference] for reference in triple]
+        data = [*map(self.index.__getitem__, triple)]
         if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
             data.append(self.count + data[0])
         return Curve(tuple(data), order, self._rate_index(source))
@@ -149,12 +158,7 @@ class Signals:
         """Index of the value of the port that feeds an input; that of the zero for a continuous one of its cycle."""
         source = self._feeds[input_]
         first = self.index[self._port_and_order(source)[0][0]]
-        return self.zero if source[0] in cycle and self._is_continuous(first) else first
-
-    def _is_continuous(self, index: int) -> bool:
-        """Whether a value may change at any time; a discrete one jumps at communication points."""
-        name, variable = self.references[index]
-        return name == SIGNALS or self._parts[name].fmu.variables[variable].continuous
+        return self.zero if source[0] in cycle and not self.held[first] else first
 
     def port_of_acceleration(self, index: int) -> list[int]:
         """Indices of value, rate and acceleration of a port by that of its acceleration; else none."""
@@ -194,10 +198,12 @@ class SignalHistory:
     """
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
-        ports = {curve.data[0]: curve.data for curve in curves}.values()
-        made = [data[0] for data in ports if len(data) == 2 and signals.references[data[0]][0] not in signals.sloped]
-        self.made = as_indices(made)
-        n = len(made)
+        made: dict[int, bool] = {}
+        for curve in curves:
+            first, *further = curve.data
+            made[first] = len(further) == 1 and signals.references[first][0] not in signals.sloped
+        self.made = as_indices([*compress(made, made.values())])
+        n = len(self.made)
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 

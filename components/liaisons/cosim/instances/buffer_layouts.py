@@ -1,7 +1,7 @@
 """Layouts of the buffers of calls: scalars, by type, as elements of whole variables.
 
-A run handles doubles only: integers are doubles (exact up to 2^53), a Boolean is 0 or 1, and a string is its number in
-:mod:`liaisons.cosim.instances.texts`.
+A run handles doubles only: integers are doubles (exact up to 2^53), a Boolean is 0 or 1, and a string is a number
+that stands for it, valid in one process.
 """
 
 from __future__ import annotations
@@ -9,16 +9,41 @@ from __future__ import annotations
 import ctypes as c
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from itertools import count
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arrays import as_indices
-from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.instances import texts
+from liaisons.cosim.compiled.calls import Indices, Vector
+from liaisons.errors import SimulationError
 from liaisons.fmu_files import Fmu, Scalar
+
+_numbers: dict[bytes, int] = {b"": 0}
+_texts: dict[int, bytes] = {0: b""}
+_next = count(1)
+
+
+def number_of(text: bytes | None) -> int:
+    """Number that stands for a string."""
+    index = _numbers.get(text or b"")
+    if index is None:
+        index = _numbers.setdefault(text or b"", next(_next))
+        _texts[index] = text or b""
+    return index
+
+
+def text_of(number: float) -> bytes:
+    """String for which a number stands.
+
+    :raises SimulationError: if the number is from another process.
+    """
+    if number not in _texts:
+        raise SimulationError("a string comes from an isolated FMU, which cannot pass it on")
+    return _texts[int(number)]
+
 
 Transfer = Callable[[], int]
 
@@ -67,7 +92,7 @@ class BufferLayout:
         """Call a function that reads the buffer, and copy the scalars to the values of the call; returns the status."""
         status = read()
         if self.base == "String":
-            self.numbers[:] = [texts.number(text) for text in self.buffer]
+            self.numbers[:] = [number_of(each) for each in self.buffer]
         values[self.scalars] = self.numbers[self.positions]
         return status
 
@@ -75,7 +100,7 @@ class BufferLayout:
         """Copy the values of the call to the buffer, and call a function that writes it; returns the status."""
         if self.base == "String":
             for position, number in zip(self.positions, values[self.scalars].tolist(), strict=True):
-                self.buffer[position] = texts.text(number)
+                self.buffer[position] = text_of(number)
         else:
             self.numbers[self.positions] = values[self.scalars]
         return write()
@@ -89,7 +114,7 @@ def layouts_by_type(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, A
     by_base: dict[str, list[int]] = {}
     for k, variable in enumerate(variables):
         by_base.setdefault(variable.base, []).append(k)
-    return [layout(fmu, variables, scalars, base, types[base]) for base, scalars in by_base.items()]
+    return [*map(partial(layout, fmu, variables), by_base.values(), by_base, map(types.__getitem__, by_base))]
 
 
 def layout(
@@ -100,7 +125,7 @@ def layout(
     references: list[int] = []
     positions: list[int] = []
     size = 0
-    for variable in (variables[k] for k in scalars):
+    for variable in map(variables.__getitem__, scalars):
         # in FMI 2.0 aliases are read twice, so that the buffer is as long as the call's
         begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
         if begin == size:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
 from functools import cache
+from operator import attrgetter
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, final
 
@@ -22,11 +23,20 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import logging
 
-from liaisons.cosim.arrays import Numbers, pointer_to
-from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
+from liaisons.cosim.compiled.calls import (
+    DERIVE_2,
+    DISCARD,
+    ORDERS_2,
+    STEP_2,
+    TRANSFER_2,
+    Action,
+    Call,
+    Numbers,
+    pointer_to,
+)
 from liaisons.cosim.instances.buffer_layouts import counted_buffer, value_references
-from liaisons.cosim.instances.loading import FMU2CoSimulation
-from liaisons.cosim.instances.protocol import DISCARD, Loaded, Scalars
+from liaisons.cosim.instances.loading import FMU2CoSimulation, Loaded
+from liaisons.cosim.instances.protocol import Scalars
 from liaisons.errors import SimulationError
 
 _instances: dict[int, Instance2] = {}  # by their ids, which are the environments of their callbacks
@@ -68,7 +78,7 @@ class Instance2(Loaded, ABC):
         with suppress(AttributeError):
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
             # go of it before; it takes hold of it again when it is needed
-            self.fmpy_instance.dll.finalizePythonInterpreter()
+            self.fmpy_instance.dll["finalizePythonInterpreter"]()
 
 
 @final
@@ -109,7 +119,7 @@ class CoSimulation2(Instance2):
 
 
 def _reference_array(variables: Scalars) -> Array[c_uint32]:
-    return value_references(tuple(variable.reference for variable in variables))
+    return value_references(tuple(map(attrgetter("reference"), variables)))
 
 
 @fmi2CallbackLoggerTYPE

@@ -16,8 +16,17 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Numbers, Vector
-from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
+from liaisons.cosim.compiled.calls import (
+    DISCARD,
+    HEADER,
+    STEP_3,
+    TRANSFER_3,
+    Action,
+    Call,
+    Numbers,
+    Vector,
+    record_type,
+)
 from liaisons.cosim.instances.buffer_layouts import (
     Transfer,
     counted_buffer,
@@ -25,10 +34,8 @@ from liaisons.cosim.instances.buffer_layouts import (
     layout,
     layouts_by_type,
 )
-from liaisons.cosim.instances.loading import FMU3CoSimulation
-from liaisons.cosim.instances.protocol import Loaded, Scalars
-from liaisons.cosim.messages import DISCARD
-from liaisons.cosim.structures import record_type
+from liaisons.cosim.instances.loading import FMU3CoSimulation, Loaded
+from liaisons.cosim.instances.protocol import Scalars
 from liaisons.errors import SimulationError
 from liaisons.fmu_files import Fmu
 

@@ -1,4 +1,9 @@
-"""Breaks of functions of time that do not say where they break, and deviations from the polynomials of inputs.
+"""The instants to which steps lead: breaks, at which a source of an input jumps, or one of its first two derivatives.
+
+FMUs announce them by a variable, functions of time by their ``breaks``; what these do not announce, a deviation tells.
+Between two of them, in a *piece*, every signal is smooth, and no polynomial crosses one.  A communication step ends
+shortly before a break; a tiny one, in which every input is extrapolated, leads to it, and there the next piece starts
+with the limits from the right.
 
 The deviation d of a function from the polynomial that an input follows tells where it breaks.
 It shrinks, where the step is halved, by 2⁴ for a cubic and 2⁶ for a quintic; in the half that has a jump of the value
@@ -9,19 +14,29 @@ and tells them from functions that are merely fast.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.base.clocks import time_rounding
+from liaisons.base.clocks import CLOCK_ERROR, time_rounding
 from liaisons.base.hermite import coefficient_matrix
-from liaisons.cosim.arrays import Memory, Vector
+from liaisons.cosim.compiled.calls import Call, Memory, Vector
 from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.structure.schedule import component_of
+from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 
+_NEVER = 1e300
+"""An announced instant beyond this means never: FMUs announce the largest floating-point number [s]."""
+_SHORT = 1e-9
+"""Size of the tiny step to a break, relative to a communication step."""
+_APART = 4 * CLOCK_ERROR
+"""The same, relative to the sampling period: FMUs of ours may sample one CLOCK_ERROR too early."""
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _NODES = (1 + _ROOTS) / 2
 """Gauss's nodes in a step: exact for the remainders of all polynomials that inputs follow."""
@@ -41,6 +56,73 @@ _MOST = 20
 """Number of breaks in a step that are searched for, at most."""
 _OFTEN = 3
 """A function that has more breaks in so many steps is no longer searched."""
+
+
+@final
+class Timeline:
+    """The breaks of a simulation, in order of time.
+
+    :ivar divides: whether all FMUs take steps of any size, so that steps can end at breaks.
+    :ivar are_samples: whether all breaks are those of sampled FMUs, whose outputs hold between them.
+    :ivar next: the next break [s], infinite if there is none; may be set to an earlier one.
+    """
+
+    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
+        parts, sources = simulation.parts, {*map(component_of, simulation.feeds.values())}
+        self.divides = simulation.takes_steps_of_any_size
+        self.are_samples, self._nearest = not simulation.drives, 0.0
+        self._bus, self._drives, self.next = bus, simulation.drives, math.inf
+        self._announced, self._calls = np.zeros(len(parts)), list[Call]()
+        for k, (name, part) in enumerate(parts.items()):
+            if self.divides and name in sources and (event := part.fmu.next_event_variable):
+                self.are_samples &= part.fmu.has_sampled_outputs
+                self._nearest = max(self._nearest, _APART * part.sampling_period)
+                self._calls.append(instances[name].getter([event], self._announced[k : k + 1]))
+
+    def begin_piece(self, time: float) -> None:
+        """Start a smooth piece at an instant [s]: there, functions of time return their limits from the right."""
+        for drive in self._drives:
+            drive.begin_piece(time)
+
+    def tiny_step(self, time: float, size: float) -> float:
+        """Size of the tiny step to a break at a time, beside steps of some size [s]."""
+        return max(_SHORT * size, 10 * time_rounding(time), self._nearest)
+
+    def save(self) -> float:
+        """The next break [s], for :meth:`restore`."""
+        return self.next
+
+    def restore(self, saved: float) -> None:
+        """Set the next break to a saved one [s]."""
+        self.next = saved
+
+    def ends_before(self, now: float, ends: Sequence[float], size: float) -> Sequence[float]:
+        """Those ends of steps that come before the next break, else an instant shortly before it [s].
+
+        :param ends: of steps from an instant on, in their order.
+        :param size: of a communication step [s].
+        :returns: nothing if the break is so near that the next step crosses it.
+        """
+        if self.next == math.inf:
+            return ends
+        if before := bisect_left(ends, self.next - time_rounding(self.next)):
+            return ends[:before]
+        tiny = self.tiny_step(self.next, size)
+        return [self.next - tiny] if self.next - now > 2 * tiny else []
+
+    def is_next(self, time: float) -> bool:
+        """Whether an instant [s] is the next break, or comes before it by rounding."""
+        return time - self.next <= time_rounding(self.next)
+
+    def find_next(self, time: float) -> None:
+        """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
+        if not (self._calls or self._drives):
+            return
+        self._bus.perform(self._calls)
+        instants: list[float] = self._announced.tolist()
+        if self.divides:
+            instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
+        self.next = min((t for t in instants if time + time_rounding(time) < t < _NEVER), default=math.inf)
 
 
 class _Comparison(NamedTuple):

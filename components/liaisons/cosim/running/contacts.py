@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from liaisons.base.port_names import impulse_name
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.compiled.calls import Indices, Vector
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference

@@ -17,21 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
-from liaisons.base.published import registered
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, Vector
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import explicit_calls
-from liaisons.cosim.instances.protocol import Instance, Loaded
-from liaisons.cosim.running.breaks import Deviations
+from liaisons.cosim.instances.loading import Loaded
+from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.running.breaks import Deviations, Timeline
 from liaisons.cosim.running.loop import Loop
-from liaisons.cosim.running.moment import Moment, Moments, Progress, Remembering
-from liaisons.cosim.running.timeline import Timeline
+from liaisons.cosim.running.moment import Moment, Moments, Remembering
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.schedule import VariableReference, component_of
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.cosim.structure.sources import SIGNALS, Drive
 from liaisons.errors import RefusedError, SimulationError, suggestion
 
 if TYPE_CHECKING:
@@ -111,20 +109,26 @@ class CouplingEstimate(Remembering, Protocol):
         ...
 
 
-def coupling_estimate(kernel: Kernel) -> CouplingEstimate | None:
-    """Estimate of the errors of a kernel's steps; None if nothing is connected, or no error can be estimated."""
-    if not kernel.simulation.feeds:
-        return None
-    (estimate,) = registered("liaisons.coupling_estimate")
-    return estimate(kernel)
+@final
+class Progress:
+    """How far a run has come.
 
+    :ivar points: communication points that were reached.
+    :ivar errors: of the steps between them, where they are known before the end of the run.
+    :ivar end: why there is no next point; empty if there is one.
+    """
 
-def impulses_through(simulation: Simulation) -> Impulses | None:
-    """Impulses that go through connections; None if there are none, as in most simulations."""
-    if not (simulation.iterates and simulation.impulses):
-        return None
-    (connected_impulses,) = registered("liaisons.impacts")
-    return connected_impulses(simulation)
+    def __init__(self) -> None:
+        self.restore((1, [], ""))
+
+    def save(self) -> tuple[int, list[float], str]:
+        """The state for :meth:`restore`."""
+        return self.points, [*self.errors], self.end
+
+    def restore(self, saved: tuple[int, list[float], str]) -> None:
+        """Return to a saved state."""
+        self.points, errors, self.end = saved
+        self.errors = [*errors]
 
 
 @final
@@ -143,9 +147,9 @@ class Kernel:
         self, simulation: Simulation, instances: Mapping[str, Instance], watched: Iterable[VariableReference]
     ) -> None:
         self.simulation, self.instances = simulation, instances
-        feeds = simulation.feeds
-        ports = (simulation.port_and_order(source)[0] for source in feeds.values() if simulation.iterates)
-        also = [reference for triple in ports for reference in triple]
+        feeds, also = simulation.feeds, list[VariableReference]()
+        for source in feeds.values() if simulation.iterates else ():
+            also += simulation.port_and_order(source)[0]
         order = [SIGNALS, *chain.from_iterable(simulation.strong_components)]
         self.bus = bus = Bus(order, feeds, also, [*simulation.recorded.values(), *watched], simulation.conversions)
         if simulation.iterates:
@@ -155,30 +159,40 @@ class Kernel:
             self.calls = self.coupled.calls
         else:
             self.coupled, self.calls = None, explicit_calls(simulation, instances, bus)
-        moving = [drive for drive in simulation.drives if drive.among is None]  # others are sampled
+        moving = list[Drive]()
+        for drive in simulation.drives:
+            if drive.among is None:  # others are sampled
+                moving.append(drive)
         self.deviations = Deviations(moving, bus, simulation.step_tolerance) if moving else None
         self.timeline, self.progress = Timeline(simulation, instances, bus), Progress()
         self.count = len(simulation.times)
         self._batch = 1  # steps for which functions of time are evaluated at once
+        self._has_past = False  # whether it was started before
 
-    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], *, estimates: bool) -> None:
+    def prepare(self, watch: Sequence[Call], owners: Callable[[], Iterable[Remembering]], *, estimates: bool) -> None:
         """Prepare steps and moments, once the bus is as wide as it becomes.
 
         :param watch: calls that may refuse a step after it.
-        :param owners: all else that keeps a state from step to step.
+        :param owners: returns all else that keeps a state from step to step.
         :param estimates: whether errors are estimated.
         """
-        parts, fed = self.simulation.parts, {name for name, _ in self.simulation.feeds}
-        reads_samples = any(parts[name].approximation.holds_by_choice for name in fed)
-        self._estimates, self._halves = estimates, self.timeline.divides and estimates and not reads_samples
-        itself = estimates or self.simulation.iterates or any(p.approximation.takes_end_values for p in parts.values())
-        self.are_samples = self.timeline.are_samples and not itself
-        times, coupled = self.simulation.times, [self.coupled] if self.coupled else []
-        own = *coupled, *self.simulation.drives, *([self.deviations.memory] if self.deviations else [])
+        simulation, times = self.simulation, self.simulation.times
+        self._estimates = self._halves = estimates and self.timeline.divides
+        self.are_samples = self.timeline.are_samples and not (estimates or simulation.iterates)
+        fed = {*map(component_of, simulation.feeds)}
+        for name, part in simulation.parts.items():
+            self._halves &= name not in fed or not part.approximation.holds_by_choice
+            self.are_samples &= not part.approximation.takes_end_values
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
         self.recorder = Loop([*self.calls.step, *watch], self.calls.instant, self.bus, capacity)
-        owners = [self.recorder, *own, self.timeline, self.progress, *owners]
-        self.moments = Moments(self.instances, self.bus, owners)
+        self._owners = owners
+
+    @cached_property
+    def moments(self) -> Moments:
+        """Saves and restores the state."""
+        coupled, memory = self.coupled, self.deviations and self.deviations.memory
+        own = self.recorder, coupled, *self.simulation.drives, memory, self.timeline, self.progress
+        return Moments(self.instances, self.bus, [*filter(None, own), *self._owners()])
 
     def start(
         self, parts: Components, first: Iterable[Call], last: Iterable[Call], happening: Happening | None = None
@@ -192,16 +206,13 @@ class Kernel:
         """
         simulation, bus, calls = self.simulation, self.bus, self.calls
         begin, end = simulation.times[0], simulation.times[-1]
-        self.recorder.truncate(0)
-        self.progress.reset()
+        if self._has_past:
+            self._forget()
+        self._has_past = True
         bus.set_step(begin, begin)
         self.timeline.begin_piece(begin)
-        if self.deviations:
-            self.deviations.memory.reset()
         bus.perform(first)
         bus.values[:] = 0.0
-        if self.coupled:
-            self.coupled.reset()
         for name, instance in self.instances.items():
             tolerance = simulation.tolerance or parts[name].fmu.experiment.tolerance
             instance.initialize(parts[name].starts, tolerance, begin, end)
@@ -217,6 +228,15 @@ class Kernel:
         self.timeline.find_next(begin)
         if happening is not None:
             happening.start()
+
+    def _forget(self) -> None:
+        """Forget all steps, and all points."""
+        self.recorder.truncate(0)
+        self.progress.restore((1, [], ""))
+        if self.deviations:
+            self.deviations.memory.reset()
+        if self.coupled:
+            self.coupled.reset()
 
     @cached_property
     def late_inputs(self) -> frozenset[VariableReference]:

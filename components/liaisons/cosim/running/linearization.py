@@ -8,7 +8,7 @@ from typing import Any, Literal, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Vector
 from liaisons.errors import SimulationError
 
 LinearizationMethod = Literal["directional derivatives", "differences"]

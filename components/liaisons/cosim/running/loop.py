@@ -17,11 +17,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import HEADER, Call, call_records
+from liaisons.cosim.compiled.calls import HEADER, Call, Indices, Vector, call_records, record_type
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.structures import record_type
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6

@@ -8,8 +8,7 @@ from typing import Any, NoReturn, Protocol, final
 from weakref import finalize
 
 from liaisons.base.arguments import shown
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, Vector
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
@@ -29,32 +28,6 @@ class Remembering(Protocol):
     def restore(self, saved: Any, /) -> None:
         """Return to a saved state, any number of times."""
         ...
-
-
-@final
-class Progress:
-    """How far a run has come.
-
-    :ivar points: communication points that were reached.
-    :ivar errors: of the steps between them, where they are known before the end of the run.
-    :ivar end: why there is no next point; empty if there is one.
-    """
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin at the start time."""
-        self.restore((1, [], ""))
-
-    def save(self) -> tuple[int, list[float], str]:
-        """The state for :meth:`restore`."""
-        return self.points, [*self.errors], self.end
-
-    def restore(self, saved: tuple[int, list[float], str]) -> None:
-        """Return to a saved state."""
-        self.points, errors, self.end = saved
-        self.errors = [*errors]
 
 
 @final

@@ -8,15 +8,21 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from time import perf_counter
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, NoReturn, Protocol, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from liaisons.cosim.arrays import Vector
+from liaisons.base.logs import logger
+from liaisons.cosim.compiled.calls import Call, Vector
 from liaisons.cosim.running.kernel import CouplingEstimate, Happening, Kernel
-from liaisons.errors import RefusedError
+from liaisons.cosim.running.observers import Observers
+from liaisons.cosim.running.variables import FreeInput
+from liaisons.errors import EndedError, RefusedError, SimulationError
+from liaisons.results import Result
 
 _PROGRESS_INTERVAL = 0.02
 """Time between two reports of progress, about [s]."""
@@ -36,6 +42,8 @@ _MEMORY = 5
 """Number of points that are kept for the estimate."""
 _SHORTEST = 1e-12
 """Shortest step, relative to the whole time."""
+_MOST_DIVISIONS = 20
+"""Number of instants that divide steps for contacts at most, for each communication point."""
 _BRINK = 1e-6
 """Distance to the end of a refused step, relative to the whole time, below which no shorter step is tried."""
 
@@ -305,3 +313,95 @@ class EqualParts(_ByErrors):
         if is_point:
             self._reach_point()
         return True
+
+
+@final
+class Stepping:
+    """Steps of a run from one communication point to the next, and its whole way.
+
+    :ivar happening: what happens within steps; None: nothing does.
+    """
+
+    def __init__(self, kernel: Kernel, observers: Observers, happening: Happening | None) -> None:
+        self.happening = happening
+        self._kernel, self._observers, simulation = kernel, observers, kernel.simulation
+        self._chooses_steps = simulation.adapts or simulation.error_tolerance is not None
+        self._is_watched = bool(kernel.deviations or happening)  # something may come between points
+
+    def drive(self, stop: int, *, reports: bool = False) -> Iterator[float]:
+        """Step until a number of communication points is reached; yields instants that are reached [s]."""
+        kernel, simulation, estimate = self._kernel, self._kernel.simulation, self._observers.estimate
+        if simulation.error_tolerance is not None:
+            return drive(kernel, EachStep(kernel, estimate))
+        if simulation.adapts:
+            return drive(kernel, EqualParts(kernel, estimate))
+        most = stop if self._observers.clock is None else 1
+        return drive(kernel, Points(kernel, self.happening, stop, most=most, reports=reports))
+
+    def finish(self, on_progress: Callable[[float], None] | None) -> None:
+        """Step to the end; tell now and then the time that is reached [s]."""
+        for time in self.drive(self._kernel.count, reports=on_progress is not None):
+            if on_progress:
+                on_progress(time)
+
+    def changed_inputs(self, free: Sequence[FreeInput], values: Iterable[ArrayLike]) -> list[Call]:
+        """Calls that set inputs to values, where these have changed.
+
+        :raises SimulationError: if there is no next communication point, or for a value that an input cannot have.
+        """
+        progress = self._kernel.progress
+        if progress.end or progress.points == self._kernel.count or self._chooses_steps:
+            _refuse_step(self._kernel)
+        numbers = [*map(FreeInput.checked_numbers, free, values)]  # before any is set
+        return [*filter(None, map(FreeInput.assign, free, numbers))]
+
+    def step(self, changed: Sequence[Call]) -> None:
+        """Set inputs that have changed, and step to the next communication point.
+
+        :raises SimulationError: if an FMU refuses it.
+        """
+        kernel, progress = self._kernel, self._kernel.progress
+        points = progress.points
+        try:
+            if changed:
+                kernel.bus.perform(changed)
+                kernel.begin_piece()
+            if self._is_watched or kernel.timeline.next < math.inf or points + 1 == kernel.count:
+                deque(self.drive(points + 1), maxlen=0)
+            else:  # nothing can happen before the next point
+                kernel.recorder.step(kernel.simulation.times[points])
+                progress.points += 1
+        except EndedError as ended:
+            progress.end = str(ended)
+            logger.warning("%s", ended)
+        except RefusedError as error:
+            if error is self._observers.watchdog.refusal:
+                progress.end = "a constraint was not kept; restore a state, or start another run"
+            raise
+        except KeyboardInterrupt:
+            progress.end = "it was interrupted within a step; restore a state, or start another run"
+            raise
+
+    def conclude_or_divide(self, hidden: Vector) -> Result | Vector:
+        """Return the result or, if a contact may be missed or falsely found, instants [s] that divide the steps there.
+
+        :param hidden: instants [s] of points that are not in the result.
+        """
+        kernel, observers, times = self._kernel, self._observers, self._kernel.simulation.times
+        if hidden.size:
+            kernel.recorder.hide(hidden)
+        recorded, estimate = observers.recorded_result(kernel), observers.estimate
+        divides = kernel.timeline.divides and not self._chooses_steps and math.isfinite(times[-1])
+        more = estimate.divisions_between(times) if divides and estimate is not None else np.empty(0)
+        if more.size and len(hidden) + len(more) <= _MOST_DIVISIONS * len(times):
+            return more
+        return observers.conclude(kernel, recorded)
+
+
+def _refuse_step(kernel: Kernel) -> NoReturn:
+    """Say why there is no next communication point to which a caller can step."""
+    simulation, progress = kernel.simulation, kernel.progress
+    words = f"it has reached its end, t = {kernel.recorder.time:.10g} s; give a later stop_time"
+    if simulation.adapts or simulation.error_tolerance is not None:
+        words = "errors choose its steps; give step_size, and leave error_tolerance out"
+    raise SimulationError(f"{simulation.title}: {progress.end or words}")

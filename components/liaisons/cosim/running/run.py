@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
+from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, final
 
@@ -14,18 +16,15 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import check_positive, merged_start_values, name_list
 from liaisons.base.folders import temporary_folder
-from liaisons.base.logs import collected_warnings
-from liaisons.base.progress import deferred_interrupts, progress_bar
+from liaisons.base.logs import collected_warnings, deferred_interrupts, logger, progress_bar
 from liaisons.base.published import registered
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.instances import Instance, extract_fmus, make_instance
-from liaisons.cosim.messages import add_warnings, logger
-from liaisons.cosim.running.kernel import Kernel, fmpy_instance, impulses_through
-from liaisons.cosim.running.moment import Moment, check_goes_back, state_calls
-from liaisons.cosim.running.observers import Observers
-from liaisons.cosim.running.stepping import FreeInput, Stepping, named_values, one_number_each
-from liaisons.cosim.running.trial import try_to_start
-from liaisons.cosim.running.variables import RunVariables
+from liaisons.cosim.compiled.calls import Vector
+from liaisons.cosim.instances import Instance, extract_fmus, make_instance, try_to_start
+from liaisons.cosim.running.kernel import Impulses, Kernel, fmpy_instance
+from liaisons.cosim.running.moment import Moment, Remembering, check_goes_back, state_calls
+from liaisons.cosim.running.observers import Observers, RealTime, add_warnings
+from liaisons.cosim.running.pace import Stepping
+from liaisons.cosim.running.variables import FreeInput, RunVariables, named_values, one_number_each
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import EndedError, SimulationError
@@ -58,20 +57,29 @@ class Run:
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in simulation.parts.values())
         with ExitStack() as stack, _pause_garbage_collection():
             instances = _load(simulation, folders, stack)
-            impulses = impulses_through(simulation)
+            impulses: Impulses | None = None
+            if simulation.iterates and simulation.impulses:
+                (impulses_through,) = registered("liaisons.impacts")
+                impulses = impulses_through(simulation)
             self._observers = observers = Observers(simulation, impulses)
             self._kernel = kernel = Kernel(simulation, instances, observers.variables)
             observers.prepare(kernel)
-            self._variables = RunVariables(simulation, instances, kernel.bus)
             happening = None if impulses is None else impulses.happening(kernel)
-            owners = [self._variables, *filter(None, [observers.estimate, happening])]
-            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate is not None)
+            kernel.prepare(observers.watchdog.calls, self._owners, estimates=observers.estimate is not None)
             self._stepping = Stepping(kernel, observers, happening)
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
             saves, self._restores = zip(*state_calls(instances), strict=True) if self.repeats else ((), ())
             kernel.bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
+
+    @cached_property
+    def _variables(self) -> RunVariables:
+        return RunVariables(self._kernel.simulation, self._kernel.instances, self._kernel.bus)
+
+    def _owners(self) -> list[Remembering]:
+        """What keeps a state from step to step, beside the kernel."""
+        return [self._variables, *filter(None, [self._observers.estimate, self._stepping.happening])]
 
     def __enter__(self) -> Run:
         return self
@@ -104,8 +112,9 @@ class Run:
         kernel, estimate, self._lost = self._kernel, self._observers.estimate, True
         last = () if estimate is None else estimate.initial_calls  # which read what it needs
         kernel.start(parts or kernel.simulation.parts, self._restores, last, self._stepping.happening)
-        self._observers.real_time.reset()
-        self._variables.restore({})  # no input is as it was set before
+        self._observers.clock = None
+        if self.repeats:
+            self._variables.restore({})  # no input is as it was set before
         self._lost = False
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
@@ -162,8 +171,7 @@ class Run:
             self._stepping.step(changed)
         except SimulationError as error:
             raise IncompleteError(str(error), self.result) from error
-        if self._observers.real_time.is_paced:
-            self.wait()
+        self.wait()
 
     def __getitem__(self, name: str) -> Any:
         """A value at the present time, whether it is recorded or not; of an array, all of them.
@@ -180,17 +188,17 @@ class Run:
         :raises SimulationError: unless it is positive.
         """
         check_positive("pace", factor)
-        self._observers.real_time.pace(factor, self.time)
+        self._observers.clock = RealTime(factor, self.time, self.lateness)
 
     @property
     def lateness(self) -> list[float]:
         """How late each paced step ended [s]; 0 if it was in time."""
-        return self._observers.real_time.lateness
+        return [] if self._observers.clock is None else self._observers.clock.lateness
 
     def wait(self) -> None:
         """Wait for the clock, if there is a pace; append to ``lateness`` how late the step ended [s]."""
-        if self._observers.real_time.is_paced:
-            self._observers.real_time.wait(self.time)
+        if self._observers.clock is not None:
+            self._observers.clock.wait(self.time)
 
     def save(self) -> Moment:
         """Save the present state, to which the run can return any number of times.
@@ -301,14 +309,16 @@ def _load(simulation: Simulation, folders: Mapping[Path, Path] | None, stack: Ex
     """Instantiate all FMUs, which the stack releases."""
     parts, instances = simulation.parts, dict[str, Instance]()
     if folders is None:
-        folders = extract_fmus((part.fmu for part in parts.values()), stack.enter_context(temporary_folder()))
+        fmus = map(attrgetter("fmu"), parts.values())
+        folders = extract_fmus(fmus, stack.enter_context(temporary_folder()))
     for name, part in parts.items():
         folder = folders.get(part.fmu.path, Path())
         if not part.isolated and part.fmu.function is None:
             try_to_start(part, folder, simulation.times)
         updates = simulation.iterates and part.approximation.interface == "intermediate update"
         instance = make_instance(name, part.fmu, folder, requests_intermediate_update=updates, isolated=part.isolated)
-        instances[name] = stack.enter_context(instance)
+        stack.callback(instance.close)
+        instances[name] = instance
     return instances
 
 
@@ -351,21 +361,13 @@ def run_to_end(
     """
     title, start, stop = simulation.title, simulation.times[0], simulation.times[-1]
     failure: SimulationError | KeyboardInterrupt | None = None
-    with collected_warnings() as warned, Run(simulation) as run:
+    with collected_warnings() as warned, closing(Run(simulation)) as run:
         try:
             run.start()
             if real_time is not None:
                 run.pace(real_time)
-            bar = progress_bar(title if progress else "", "t = {:.6g} of {:.6g} s", start, stop)
-            with bar as show, deferred_interrupts() as interrupts:
-
-                def on_progress(time: float) -> None:
-                    show(time)
-                    run.wait()
-                    if interrupts:
-                        raise KeyboardInterrupt
-
-                run.finish(on_progress)
+            bar = progress_bar(title, "t = {:.6g} of {:.6g} s", start, stop) if progress else nullcontext()
+            _finish(run, bar, paced=real_time is not None)
             result, instants = (run.conclude(), run.instants) if real_time else _with_contacts_found(simulation, run)
         except EndedError as ended:
             logger.warning("%s of %.10g s", ended, stop)
@@ -383,6 +385,24 @@ def run_to_end(
         reached = f"{title}: interrupted at t = {run.reached():.10g} of {stop:.10g} s"
         raise Interrupted(f"{reached}; .result of this exception has the result so far", result)
     return result
+
+
+def _finish(run: Run, bar: AbstractContextManager[Callable[[float], None] | None], *, paced: bool) -> None:
+    """Simulate to the end; show the progress, wait for the clock if the run is paced, and end at an interrupt.
+
+    :param bar: function that shows the progress; None: nothing is shown.
+    """
+    with bar as show, deferred_interrupts() as interrupts:
+
+        def on_progress(time: float) -> None:
+            if show is not None:
+                show(time)
+            if paced:
+                run.wait()
+            if interrupts:
+                raise KeyboardInterrupt
+
+        run.finish(on_progress)
 
 
 def _with_contacts_found(

@@ -2,25 +2,78 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import shown
+from liaisons.base.arguments import float_array, name_dictionary, shown
 from liaisons.base.arrays import as_indices
-from liaisons.cosim.arrays import Indices, Vector
-from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Call, Indices, Vector
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.instances.texts import text
-from liaisons.cosim.running.stepping import FreeInput
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.instances.buffer_layouts import text_of
+from liaisons.cosim.instances.protocol import Instance, Instances
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import Feeds, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.errors import SimulationError
+from liaisons.errors import InvalidValueError, SimulationError
+from liaisons.fmu_files import NUMBERS, integer_range
 
 Reading = tuple[Sequence[Call], Vector, Callable[[Vector], Any]]
 """Calls that read a variable, the numbers that they write, and a function from these to its value."""
+
+
+@final
+class FreeInput:
+    """An input of numbers, or an array of inputs, that nothing feeds.
+
+    :ivar values: those that were set last, shape (elements,); not-a-number before.
+    :ivar put: a call that sets the FMU to them.
+    :raises SimulationError: if it is none.
+    """
+
+    def __init__(self, part: SystemComponent, name: str, instance: Instance, feeds: Feeds) -> None:
+        scalars = [part.scalar(element) for element in part.recordable_names(name)]
+        self._label, self._variable, self._shape = f"{part.name}.{name}", scalars[0], part.fmu.arrays.get(name, ())
+        if self._variable.causality != "input" or self._variable.type not in NUMBERS:
+            words = f"is {self._variable.type} of causality {self._variable.causality!r}"
+            raise SimulationError(f"{self._label} {words}, which a step cannot set; give numbers to inputs")
+        if fed := [scalar.name for scalar in scalars if (part.name, scalar.name) in feeds]:
+            raise SimulationError(f"{part.name}.{fed[0]} is connected or driven, so that a step cannot set it")
+        self._is_number = self._variable.type == "Real" and not self._shape
+        self.values = np.full(len(scalars), np.nan)
+        self.put: Call = instance.setter(scalars, self.values)
+        self._view: Any = self.values.data  # numbers of Python, since scalars of NumPy take three times as long
+
+    def checked_numbers(self, value: ArrayLike) -> Vector | float:
+        """A value of the input as numbers.
+
+        :raises SimulationError: if it is not finite, or not of the type or the shape of the input.
+        """
+        if type(value) is float and self._is_number and math.isfinite(value):
+            return value
+        checked = float_array(self._label, value)
+        if checked.shape != self._shape:
+            raise InvalidValueError(f"{self._label} = {shown(value)}: give numbers of shape {self._shape}")
+        if not np.isfinite(checked).all():
+            raise InvalidValueError(f"{self._label} = {shown(value)}: must be finite")
+        if self._variable.type != "Real":
+            least, most = integer_range(self._variable.base)
+            if not (checked == np.clip(np.round(checked), least, most)).all():
+                raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
+        return checked.ravel() if self._shape else checked.item()
+
+    def assign(self, numbers: Vector | float) -> Call | None:
+        """Set :attr:`values`; returns :attr:`put` if they have changed."""
+        if self._shape:
+            same = np.array_equal(self.values, numbers)
+            self.values[:] = numbers
+        else:
+            same = self._view[0] == numbers
+            self._view[0] = numbers
+        return None if same else self.put
 
 
 @final
@@ -83,7 +136,7 @@ class RunVariables:
         else:
             values, calls = self._bus.values[column : column + 1], list[Call]()
         if scalars[0].type == "String":
-            return calls, values, lambda values: text(values[0]).decode(errors="replace")
+            return calls, values, lambda values: text_of(values[0]).decode(errors="replace")
         return calls, values, lambda values: float(values[0]) if shape is None else values.reshape(shape).copy()
 
     def save(self) -> dict[str, Vector]:
@@ -94,3 +147,32 @@ class RunVariables:
         """Set them to saved ones; those that were not set then are unknown."""
         for name, free in self._free_inputs.items():
             free.values[:] = saved.get(name, np.nan)
+
+
+def named_values(values: Mapping[str, ArrayLike] | None, further: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+    """Values of inputs by their names.
+
+    :raises SimulationError: unless they are a dictionary.
+    """
+    try:
+        return {**({} if values is None else values), **further}
+    except TypeError:
+        return name_dictionary("inputs", values)  # says what is wrong
+
+
+def one_number_each(title: str, inputs: Sequence[str], values: ArrayLike) -> list[float]:
+    """Values of inputs in an array as numbers.
+
+    :param title: of the simulation.
+    :param inputs: their names.
+    :raises SimulationError: unless there is one for each.
+    """
+    if type(values) is list and len(values) == len(inputs) and set(map(type, values)) == {float}:
+        return values
+    try:
+        numbers = np.asarray(values)
+    except ValueError:  # of several lengths
+        numbers = float_array("inputs", values)
+    if numbers.shape != (len(inputs),):
+        raise SimulationError(f"{title}: inputs = {shown(values)}: give one number for each of {inputs}")
+    return numbers.tolist()

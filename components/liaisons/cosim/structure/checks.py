@@ -6,16 +6,17 @@ import logging
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
+from itertools import chain, filterfalse
+from operator import attrgetter
 from typing import final, get_args
 
 import numpy as np
 
 from liaisons.base.arguments import check_choice
 from liaisons.base.compiler import no_compiler_message
+from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Components, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, feeds_of
@@ -52,7 +53,10 @@ class ConnectionGraph:
     @cached_property
     def cyclic(self) -> Collection[str]:
         """Names of the components in cycles of connections."""
-        cyclic = {target for (target, _), (source, _) in self.feeds.items() if target == source}
+        cyclic: set[str] = set()
+        for (target, _), (source, _) in self.feeds.items():
+            if target == source:
+                cyclic.add(target)
         for group in self.strong_components:
             if len(group) > 1:
                 cyclic.update(group)
@@ -81,11 +85,10 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
     if requested is not None:
         check_choice("coupling", requested, get_args(Coupling))
     parts, connections = graph.parts, graph.connections
-    cycles = [group for group in graph.strong_components if len(group) > 1]
-    two_ways = [connection for connection in connections if connection.is_reaction]
+    two_ways = [*filter(attrgetter("is_reaction"), connections)]
     reduces_error = two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))
     if requested in ITERATING or (requested is None and reduces_error):
-        hurdle = _hurdle(parts, chain.from_iterable(cycles), connections if requested is None else ())
+        hurdle = _hurdle(graph, connections if requested is None else ())
         if hurdle is None:
             return requested or "implicit"
         if requested is not None:
@@ -99,8 +102,10 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
             hurdle,
             ", unstable where effective masses are large" if two_ways else "",
         )
-    for group in cycles:
-        logger.info("%s form a cycle: stepped in this order, so what feeds back is one step old", " -> ".join(group))
+    for group in graph.strong_components:
+        if len(group) > 1:
+            cycle = " -> ".join(group)
+            logger.info("%s form a cycle: stepped in this order, so what feeds back is one step old", cycle)
     for loop in graph.algebraic_loops:
         logger.log(
             logging.WARNING if requested is None else logging.INFO,
@@ -111,11 +116,12 @@ def choose_coupling(graph: ConnectionGraph, requested: Coupling | None) -> Coupl
     return requested or "gauss-seidel"
 
 
-def _hurdle(parts: Components, cyclic: Iterable[str], connections: Iterable[Connection]) -> str | None:
+def _hurdle(graph: ConnectionGraph, connections: Iterable[Connection]) -> str | None:
     """What keeps components from repeating steps, or connections from handing values on in them; None: nothing."""
-    for name in cyclic:
-        if not parts[name].fmu.can_get_and_set_state:
-            return f"{name} ({parts[name].fmu.path.name}) cannot go back: canGetAndSetFMUstate is false"
+    for group in graph.strong_components:
+        for name in group if len(group) > 1 else ():
+            if not (fmu := graph.parts[name].fmu).can_get_and_set_state:
+                return f"{name} ({fmu.path.name}) cannot go back: canGetAndSetFMUstate is false"
     for connection in connections:
         if connection.conversion != SAME:
             return f"{connection} converts values"
@@ -272,21 +278,18 @@ def check_input_sources(parts: Components, graph: ConnectionGraph) -> None:
             raise SimulationError(text)
     fed = {*feeds, *graph.driven}
     for name, part in parts.items():
-        for variable in part.fmu.reals("input", longest=_LONGEST):
-            has_value = (name, variable) in fed or variable in part.starts
-            if not has_value and part.fmu.variables[variable].start is None:
+        for variable in part.fmu.unset_inputs:
+            if (name, variable) not in fed and variable not in part.starts:
                 raise SimulationError(
                     f"{name}.{variable} is an input without a start value and nothing feeds it: connect it, or "
                     f"set {variable}=... where {name} is added"
                 )
     for name, variable in feeds:
         part = parts[name]
-        missing = [end for end in _unfed_ends(part, variable, fed) if end not in part.starts]
+        missing = [*filterfalse(part.starts.__contains__, _unfed_ends(part, variable, fed))]
         if missing and part.approximation.method != 0 and Port(part, variable).triple():
             words = "%s.%s is fed, but %s.%s is not and has to be derived: connect the whole port, or set %s=0 (hold)"
             logger.warning(words, name, variable, name, missing[0], INPUT_RECONSTRUCTION)
 
 
 _VARIABLE_STEP = "canHandleVariableCommunicationStepSize"
-_LONGEST = 1000
-"""Size of the largest array that is searched for elements without a source."""

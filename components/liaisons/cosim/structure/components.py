@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +14,7 @@ from typing import Any, Literal, final
 from liaisons.base.arguments import as_path, shown, start_value_hints
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.base.unit_definitions import UnitDefinition
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.schedule import VariableReference, name_of
 from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 from liaisons.fmu_files import (
     NUMBERS,
@@ -99,7 +99,7 @@ class SystemComponent:
         if isolated is not False:
             with start_value_hints(fmu.variables):
                 limit = time_limit(f"{name}: isolated =", isolated)
-        if sizes := structural_sizes(name, fmu, starts):
+        if fmu.structural_parameters and (sizes := structural_sizes(name, fmu, starts)):
             fmu = read(fmu.path, sizes)
         return cls(name, fmu, checked_starts(name, fmu, starts), limit)
 
@@ -156,6 +156,10 @@ class SystemComponent:
                 allowed = ", ".join(sorted(self.transferable_types))
                 raise SimulationError(f"{self.name}.{name} {words}, only {allowed} can: leave it out")
         return names
+
+    def scalars(self, references: Iterable[VariableReference]) -> list[Scalar]:
+        """The scalar variables to which references of its own lead."""
+        return [*map(self.fmu.variables.__getitem__, map(name_of, references))]
 
     def scalar(self, name: str) -> Scalar:
         """The scalar variable with a name.
@@ -258,7 +262,7 @@ class Port:
         """
         if not self.exists:
             raise ConnectError(f"{self} is a terminal, not a variable: connect its members one by one")
-        return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
+        return [Port(self.part, name) for name in self.part.fmu.elements(self.name)] if self.is_array else [self]
 
     @property
     def terminal(self) -> TerminalDescription | None:

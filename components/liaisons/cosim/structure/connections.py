@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
+from itertools import starmap
 from typing import Literal, final
 
 from liaisons.base.unit_definitions import SAME, Conversion
@@ -22,6 +24,8 @@ from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import ConnectError
 from liaisons.fmu_files import RECORDED, Scalar, TerminalDescription, integer_range
+
+_NONE = TerminalDescription("")
 
 
 @final
@@ -108,8 +112,7 @@ def scalar_connections(first: Port, second: Port) -> list[Connection]:
         return [connection for pair in _element_pairs(first, second) for connection in scalar_connections(*pair)]
     if both_exist and not (first.triple() and second.triple()):
         return [Connection.between(first, second)]
-    none = TerminalDescription("")
-    return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
+    return _terminal_connections(first, first.terminal or _NONE, second, second.terminal or _NONE)
 
 
 def _element_pairs(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
@@ -136,12 +139,10 @@ def _terminal_connections(
         raise ConnectError(
             f"{first} ({one.kind}) and {second} ({other.kind}) cannot be connected: their terminals differ in kind"
         )
-    joined = [
-        connection
-        for name in one.nested
-        for connection in _terminal_connections(first, one.nested[name], second, other.nested[name])
-    ]
-    members = [name for name in one.members if name in other.members]
+    joined: list[Connection] = []
+    for name in one.nested:
+        joined += _terminal_connections(first, one.nested[name], second, other.nested[name])
+    members = [*filter(other.members.__contains__, one.members)]
     complete = one.members.keys() == other.members.keys() or "bus" in {one.rule, other.rule}
     if not complete or not (members or joined):
         raise ConnectError(
@@ -152,7 +153,7 @@ def _terminal_connections(
         member, counterpart = one.members[name], other.members[name]
         ends = Port(first.part, member.variable), Port(second.part, counterpart.variable)
         flows = member.sums_to_zero_with(counterpart)
-        joined += [Connection.between(*pair, sums_to_zero=flows) for pair in _element_pairs(*ends)]
+        joined += starmap(partial(Connection.between, sums_to_zero=flows), _element_pairs(*ends))
     return joined
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from liaisons.base.archive import Archive
 from liaisons.base.array_names import array_and_index
 from liaisons.base.folders import temporary_folder
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Vector
 from liaisons.cosim.instances import extract_fmus, make_instance
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.cosim.structure.connections import Connection

@@ -22,8 +22,11 @@ round (an acceleration-force loop), the loop is not solved: one sweep in that or
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from heapq import heappop, heappush
+from itertools import count
+from operator import itemgetter
 from typing import Literal, TypeVar, final
 
 Coupling = Literal["gauss-seidel", "jacobi", "implicit", "waveform"]
@@ -33,6 +36,11 @@ Operation = tuple[Action, str]
 
 VariableReference = tuple[str, str]
 """A variable of a system: component and name."""
+
+component_of = itemgetter(0)
+"""Component of a variable of a system."""
+name_of = itemgetter(1)
+"""Name of a variable in its component."""
 
 Feeds = Mapping[VariableReference, VariableReference]
 """Reference of each connected input -> reference of the output that feeds it."""
@@ -51,7 +59,9 @@ def strong_components(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
 
     Names in a strong component, and unconnected ones, keep their order.  (Kosaraju's algorithm.)
     """
-    targets: dict[str, dict[str, None]] = {name: {} for name in names}
+    targets: dict[str, dict[str, None]] = {}
+    for name in names:
+        targets[name] = {}
     for (target, _), (source, _) in feeds.items():
         targets[source][target] = None
     return _strong_components(targets)
@@ -59,8 +69,8 @@ def strong_components(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
 
 def _strong_components(edges: Mapping[_Vertex, Iterable[_Vertex]]) -> list[list[_Vertex]]:
     """Strongly connected components of a graph in topological order; each keeps the order of its vertices."""
-    number = dict(zip(edges, range(len(edges)), strict=True))
-    sources: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
+    number = dict(zip(edges, count()))
+    sources: defaultdict[_Vertex, list[_Vertex]] = defaultdict(list)
     for node, targets in edges.items():
         for target in targets:
             sources[target].append(node)

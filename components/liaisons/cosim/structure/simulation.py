@@ -5,22 +5,17 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import repeat
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import (
-    check_finite,
-    check_positive,
-    checked_stop_and_step,
-    float_array,
-    name_list,
-)
+from liaisons.base.arguments import check_finite, check_positive, checked_stop_and_step, float_array, name_list
 from liaisons.base.array_names import array_and_index
 from liaisons.base.clocks import communication_points
 from liaisons.base.logs import collected_warnings
@@ -32,9 +27,10 @@ from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import Components, Port
 from liaisons.cosim.structure.connections import Connection, feeds_of
 from liaisons.cosim.structure.document import SystemDocument
-from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
+from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference, component_of
 from liaisons.cosim.structure.sources import SIGNALS, Drive, Function, drives
 from liaisons.errors import InvalidValueError
+from liaisons.fmu_files import Scalar
 
 _DEFAULT_TOLERANCE = 1e-8
 """Tolerance of FMUs of liaisons, where neither the user nor a file gives another."""
@@ -76,6 +72,10 @@ class Simulation:
     :param adapts: whether steps between the communication points are as short as the estimate of their error requires.
     :param impulses: connections of sums of impulses, which jump at events only.
     :param warnings: texts of the warnings that were logged when it was checked.
+    :ivar title: name of the system; ``parts`` its components by name, ``connections`` those of the document.
+    :ivar feeds: reference of each fed input -> reference of the output or function of time that feeds it.
+    :ivar iterates: whether the coupling repeats steps.
+    :ivar step_tolerance: error that a step between communication points may have, relative to the size of signals.
     """
 
     document: SystemDocument
@@ -90,21 +90,28 @@ class Simulation:
     adapts: bool = False
     impulses: Sequence[Connection] = ()
     warnings: tuple[str, ...] = ()
+    title: str = field(init=False)
+    parts: Components = field(init=False)
+    connections: Sequence[Connection] = field(init=False)
+    feeds: Feeds = field(init=False)
+    iterates: bool = field(init=False)
+    step_tolerance: float = field(init=False)
+    _ports: dict[VariableReference, tuple[list[VariableReference], int]] = field(init=False, default_factory=dict)
 
-    @property
-    def title(self) -> str:
-        """Name of the system."""
-        return self.document.name
-
-    @property
-    def parts(self) -> Components:
-        """Components by name."""
-        return self.document.parts
-
-    @property
-    def connections(self) -> Sequence[Connection]:
-        """Scalar connections, without those of impulses."""
-        return self.document.connections
+    def __post_init__(self) -> None:
+        document, feeds = self.document, dict[VariableReference, VariableReference]()
+        for drive in self.drives:
+            feeds.update(zip(drive.inputs, drive.references, strict=True))
+        derived = {
+            "title": document.name,
+            "parts": document.parts,
+            "connections": document.connections,
+            "feeds": feeds | feeds_of(document.connections),
+            "iterates": self.coupling in checks.ITERATING,
+            "step_tolerance": self.tolerance or _DEFAULT_TOLERANCE,
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
 
     def with_parts(self, parts: Components) -> Simulation:
         """Copy with other components of these names."""
@@ -120,23 +127,15 @@ class Simulation:
         return extract_fmus((part.fmu for part in self.parts.values()), folder)
 
     @cached_property
-    def feeds(self) -> Feeds:
-        """Reference of each fed input -> reference of the output or function of time that feeds it."""
-        feeds: dict[VariableReference, VariableReference] = {}
-        for drive in self.drives:
-            feeds.update(zip(drive.inputs, drive.references, strict=True))
-        return feeds | feeds_of(self.connections)
-
-    @cached_property
     def chosen_reconstructions(self) -> Collection[str]:
         """Components outside of cycles for which the user has chosen that inputs hold or extrapolate."""
         said = {name for name, part in self.parts.items() if part.approximation.is_chosen}
         return said.difference(self.cyclic)
 
     @cached_property
-    def group_number(self) -> dict[str, int]:
-        """Index of the strong component of each component."""
-        return {name: k for k, group in enumerate(self.strong_components) for name in group}
+    def takes_steps_of_any_size(self) -> bool:
+        """Whether all FMUs do."""
+        return all(map(attrgetter("fmu.variable_step"), self.parts.values()))
 
     @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
@@ -144,9 +143,9 @@ class Simulation:
         return {c.target.reference: c.conversion for c in self.connections if c.conversion != SAME}
 
     @cached_property
-    def discrete_signals(self) -> frozenset[str]:
-        """Names in the result of recorded discrete variables."""
-        return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
+    def recorded_scalars(self) -> Mapping[str, Scalar]:
+        """Name in the result -> variable."""
+        return {name: self.parts[owner].fmu.variables[variable] for name, (owner, variable) in self.recorded.items()}
 
     @property
     def renamed_ports(self) -> dict[str, PortNames]:
@@ -163,16 +162,6 @@ class Simulation:
         return ports
 
     @property
-    def iterates(self) -> bool:
-        """Whether the coupling repeats steps."""
-        return self.coupling in checks.ITERATING
-
-    @property
-    def step_tolerance(self) -> float:
-        """Error that a step between communication points may have, relative to the size of signals."""
-        return self.tolerance or _DEFAULT_TOLERANCE
-
-    @property
     def interface_tolerance(self) -> float:
         """Largest difference of inputs and outputs at the end of an iteration, relative to their size."""
         return max(_INTERFACE * self.step_tolerance, _FINEST_INTERFACE)
@@ -185,8 +174,8 @@ class Simulation:
             for port, other in ((c.source, c.target), (c.target, c.source)) if c.conversion == SAME else ():
                 near[port.reference] = near.get(port.reference) or other.variable.unit
         units: dict[str, str] = {}
-        for name, place in self.recorded.items():
-            units[name] = self.parts[place[0]].fmu.variables[place[1]].unit or near.get(place, "")
+        for name, scalar in self.recorded_scalars.items():
+            units[name] = scalar.unit or near.get(self.recorded[name], "")
         return units
 
     def port_and_order(self, source: VariableReference) -> tuple[list[VariableReference], int]:
@@ -196,13 +185,15 @@ class Simulation:
 
         :returns: without a port, the output alone and 0.
         """
-        owner, variable = self._variable(source)
-        triple, order = Port(self.parts[owner], variable).motion_and_order()
-        ends = [end.reference for end in triple or ()]
-        if source[0] == SIGNALS:
-            sources = [self.feeds.get(end, ("?", "")) for end in ends]
-            ends = sources if all(name == SIGNALS for name, _ in sources) else []
-        return (ends, order) if ends else ([source], 0)
+        if source not in self._ports:
+            owner, variable = self._variable(source)
+            triple, order = Port(self.parts[owner], variable).motion_and_order()
+            ends = [*map(attrgetter("reference"), triple or ())]
+            if source[0] == SIGNALS:
+                sources = [self.feeds.get(end, ("?", "")) for end in ends]
+                ends = sources if {*map(component_of, sources)} == {SIGNALS} else []
+            self._ports[source] = (ends, order) if ends else ([source], 0)
+        return self._ports[source]
 
     def units_of(self, references: Iterable[VariableReference]) -> list[str]:
         """Unit of each variable; a variable that is no Real has one of its own."""
@@ -254,7 +245,8 @@ def checked_simulation(
     tolerance, error_tolerance = settings.get("tolerance"), settings.get("error_tolerance")
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    driving = drives(document, settings.get("inputs"), points[0])
+    inputs = settings.get("inputs")
+    driving = [] if inputs is None else drives(document, inputs, points[0])
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             check_positive(name, value)
@@ -366,7 +358,7 @@ def _recorded_variables(
     for full in (*(() if record is None else name_list("record", record)), *also):
         owner, name = document.reference("record", full)
         references += [(owner, scalar) for scalar in parts[owner].recordable_names(name)]
-    return {variable[1] if single else ".".join(variable): variable for variable in references}
+    return dict(zip(map(itemgetter(1) if single else ".".join, references), references, strict=True))
 
 
 def _checked_times(times: ArrayLike, *others: float | None, adaptive: bool) -> Sequence[float]:

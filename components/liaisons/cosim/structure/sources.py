@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import name_dictionary, shown
 from liaisons.base.clocks import time_rounding
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Vector
 from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.document import SystemDocument
 from liaisons.cosim.structure.schedule import VariableReference
@@ -149,7 +149,7 @@ class Drive:
         return values.reshape(-1)
 
 
-def drives(document: SystemDocument, inputs: Mapping[str, Function] | None, start_time: float) -> list[Drive]:
+def drives(document: SystemDocument, inputs: Mapping[str, Function], start_time: float) -> list[Drive]:
     """Drives of inputs; a function that returns three numbers drives value, rate and acceleration of a port.
 
     :param inputs: functions by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
@@ -158,7 +158,7 @@ def drives(document: SystemDocument, inputs: Mapping[str, Function] | None, star
     """
     sources: list[Drive] = []
     driven: set[VariableReference] = set()
-    functions: Mapping[str, Function] = name_dictionary("inputs", {} if inputs is None else inputs)
+    functions: Mapping[str, Function] = name_dictionary("inputs", inputs)
     for full_name, function in functions.items():
         owner, driven_as = document.reference("input", full_name)
         part = document.parts[owner]
