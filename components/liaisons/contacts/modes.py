@@ -29,6 +29,7 @@ import numpy as np
 
 from liaisons.algebra import at_zero, jacobian, stack
 from liaisons.base.array_names import array_and_index
+from liaisons.base.contact_rules import MOST_CONTACTS
 from liaisons.contacts.forces import Compliance
 from liaisons.errors import ComponentError
 from liaisons.language import Layout, MechanicalComponent, Mechanism, Orientation, element
@@ -42,8 +43,6 @@ FORCE_MARGIN = 1e-12
 SAME = 1e-10
 """Largest contradiction between the accelerations of redundant contacts, relative to their scale."""
 
-MOST_CONTACTS = 64
-"""Largest number of contacts of one model, as in complementarity.h."""
 _SAMPLES = 5
 """Number of configurations in which redundant contacts are looked for."""
 
@@ -57,7 +56,7 @@ MOST_LINKS = 300
 def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
     """Contacts of a component, unilateral liaisons before dry friction; in a chain one a link, or of the last alone.
 
-    :raises ComponentError: for more than :data:`MOST_CONTACTS`, or than :data:`MOST_LINKS` of a chain with contacts.
+    :raises ComponentError: for more than ``MOST_CONTACTS``, or than :data:`MOST_LINKS` of a chain with contacts.
     """
     name, links, contacts = type(m).__name__, m.sizes["n"] if m.dimension else 0, list[Contact]()
     for item in m.contact_formulas:
@@ -70,7 +69,7 @@ def contacts_of(m: MechanicalComponent) -> tuple[Contact, ...]:
 
 
 def refuse_many(name: str, contacts: Sequence[Contact], links: int) -> None:
-    """Raise a ComponentError for more than :data:`MOST_CONTACTS`, or than :data:`MOST_LINKS` of a chain beside them."""
+    """Raise a ComponentError for more than ``MOST_CONTACTS``, or than :data:`MOST_LINKS` of a chain beside them."""
     if len(contacts) > MOST_CONTACTS:
         names = ", ".join(dict.fromkeys(array_and_index(contact.name)[0] for contact in contacts))
         raise ComponentError(

@@ -22,7 +22,7 @@ from liaisons.cosim.compiled.library import cached_library
 from liaisons.cosim.instances import extract_fmus, make_instance, try_to_start
 from liaisons.cosim.instances.loading import Loaded, SharedFunctions
 from liaisons.cosim.instances.protocol import Instance, Scalars
-from liaisons.cosim.running.contacts import contact_variables, friction_variables
+from liaisons.cosim.running.contacts import LEAST_IMPULSE, contact_variables, friction_variables
 from liaisons.cosim.running.kernel import Kernel
 from liaisons.cosim.running.moment import Moment
 from liaisons.cosim.running.run import Run, run_to_end
@@ -56,6 +56,7 @@ __all__ = [
     "ERROR",
     "FATAL",
     "HEADER",
+    "LEAST_IMPULSE",
     "SIGNALS",
     "STATUSES",
     "SUCCESS",

@@ -19,14 +19,16 @@ from typing import final
 
 import numpy as np
 
-from liaisons.base.arrays import Floats, as_indices
+from liaisons.base.arrays import Floats
+from liaisons.base.contact_rules import ENERGY_GAIN, MOST_IMPACTS
 from liaisons.base.logs import logger
-from liaisons.cosim import Kernel, Memory, contact_variables
+from liaisons.cosim import LEAST_IMPULSE, Kernel, Memory, contact_variables
 from liaisons.errors import RefusedError
-from liaisons.impacts.friction import Action, Frictions
+from liaisons.impacts.friction import Frictions
 from liaisons.impacts.impulses import ImpulsivePort, connections_that_stop_impulses, forces_through, impulse_sums
+from liaisons.impacts.impulsive_fmus import ImpulsiveFmu, grown
 
-_MOST_ITERATIONS, _MOST_STEPS, _MOST_AT_ONCE = 50, 200, 1000
+_MOST_ITERATIONS, _MOST_STEPS = 50, 200
 _DIFFERENCE = 1e-3
 """Change of an unknown for derivatives, relative to the unknown, so that it stays in a linear piece."""
 _LEAST_DIFFERENCE = 1e-7
@@ -37,53 +39,30 @@ _ROUNDING = 8 * np.finfo(float).eps
 """The same, relative to the sums on both sides."""
 _MOST_ROUNDING = 1e3
 """Factor by which the difference may be larger if further iterations leave it as it is."""
-_LEAST_IMPULSE = 1e-8
-"""Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
 _LOSS = "impact_loss"
-_GAIN = 1e-9
-"""Energy that an impact may gain by rounding, relative to what its impulses exchange."""
 _EARLY = 1e-11
 """How long before an impact FMUs stop, relative to a communication step."""
 
 
 @final
-class _Node:
+class _Struck:
     """An FMU in an impact.
 
-    :param increments: indices, among the unknowns, of what its inputs increase by.
-    :param results: indices, among the equations, of what its outputs increase by.
+    :ivar increments: indices, among the unknowns, of what its inputs increase by: rates, then sums.
     """
 
-    def __init__(self, name: str, ports: Sequence[ImpulsivePort], kernel: Kernel) -> None:
-        instance, bus, count = kernel.instances[name], kernel.bus, len(ports)
-        variables = kernel.simulation.parts[name].fmu.variables
-        moved = [j for j, port in enumerate(ports) if port.moved == name]
-        moving = [j for j, port in enumerate(ports) if port.mover == name]
-        places = [
-            *(ports[j].rate.target.reference for j in moved),
-            *(ports[j].jump for j in moved),
-            *(ports[j].impulse.target.reference for j in moving),
-        ]
-        outputs = [
-            *(ports[j].impulse.source.reference for j in moved),
-            *(ports[j].rate.source.reference for j in moving),
-        ]
-        self.increments = as_indices([*moved, *moved, *(count + j for j in moving)])
-        self.results = as_indices([*(count + j for j in moved), *moving])
-        self._factors = np.array([*(ports[j].factors[1] for j in moved), *(ports[j].factors[0] for j in moving)])
-        self.inputs, self.outputs = np.zeros(len(places)), np.zeros(len(outputs))
-        self.sums = np.zeros(len(places))  # of jumps and impulses so far; of rates nothing
-        self.handed = np.zeros(len(moved))  # impulses of its operators that have been handed on
-        self._rates = bus.columns(places[: len(moved)])
-        self.impulses = bus.columns(outputs[: len(moved)])
-        self._is_sum = np.arange(len(places)) >= len(moved)
-        self._bus = bus
-        self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
-        self._get = instance.getter([variables[variable] for _, variable in outputs], self.outputs)
-        self._save, self._restore = instance.save_and_restore_calls()
-        lost = [variables[_LOSS]] if _LOSS in variables else []
+    def __init__(self, fmu: ImpulsiveFmu) -> None:
+        self.fmu, self._bus = fmu, fmu.bus
+        moved = len(fmu.handed)
+        rates = fmu.each(lambda port: port.rate.target.reference, None)
+        outputs = fmu.each(lambda port: port.impulse.source.reference, lambda port: port.rate.source.reference)
+        self.increments = np.concatenate([fmu.taken[:moved], fmu.taken])
+        self.inputs, self.outputs = np.zeros(len(self.increments)), np.zeros(len(outputs))
+        self._rates, self.impulses = self._bus.columns(rates), self._bus.columns(outputs[:moved])
+        self._set, self._get = fmu.setter([*rates, *fmu.told], self.inputs), fmu.getter(outputs, self.outputs)
+        loss = (fmu.name, _LOSS)
         self._lost, self._lost_before = np.zeros(1), 0.0
-        self._get_loss = [instance.getter(lost, self._lost)] if lost else []
+        self._get_loss = [fmu.getter([loss], self._lost)] if fmu.has(loss) else []
 
     def energy_loss(self) -> float:
         """Energy that its contacts have lost in this impact [J]."""
@@ -95,27 +74,27 @@ class _Node:
 
         :param rates: of its moved ports; None: those on the bus.
         """
-        self._bus.perform([self._save, self._get, *self._get_loss])
+        self._bus.perform([self.fmu.save, self._get, *self._get_loss])
         self._lost_before = float(self._lost[0])
         self.before = self.outputs.copy()
-        self.before[: len(self._rates)] = self.handed
-        self.starts = self.sums.copy()
-        self.starts[: len(self._rates)] = self._bus.values[self._rates] if rates is None else rates
+        self.before[: len(self._rates)] = self.fmu.handed
+        self.starts = np.concatenate([self._bus.values[self._rates] if rates is None else rates, self.fmu.sums])
 
     def respond(self, unknowns: Floats) -> Floats:
         """Increments of its outputs, in the units of the other side, when its inputs increase by the unknowns."""
         self.inputs[:] = self.starts + unknowns[self.increments]
-        if np.array_equal(self.inputs[self._is_sum], self.starts[self._is_sum]):  # a sum that changes begins the impact
-            first = int(np.argmax(self._is_sum))
-            self.inputs[first] = np.nextafter(self.inputs[first], math.inf)
-        self._bus.perform([self._restore, self._set, self._get])
-        return (self.outputs - self.before) * self._factors
+        first = len(self._rates)
+        if np.array_equal(self.inputs[first:], self.starts[first:]):  # a sum that changes begins the impact
+            self.inputs[first] = grown(self.inputs[first])
+        self._bus.perform([self.fmu.restore, self._set, self._get])
+        return (self.outputs - self.before) * self.fmu.factors
 
     def end(self) -> Floats:
         """End the impact with the present inputs; returns the rates among them."""
-        self.sums[:] = np.where(self._is_sum, self.inputs, 0.0)
-        self.handed[:] = self.outputs[: len(self._rates)]
-        return self.inputs[: len(self._rates)].copy()
+        rates = len(self._rates)
+        self.fmu.sums[:] = self.inputs[rates:]
+        self.fmu.handed[:] = self.outputs[:rates]
+        return self.inputs[:rates].copy()
 
 
 @final
@@ -130,9 +109,9 @@ class Impacts:
         simulation, bus = kernel.simulation, kernel.bus
         self._title, self._bus = simulation.title, bus
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
-        self._nodes = [_Node(name, ports, kernel) for name in names]
-        self._count = len(ports)
-        self.memory = Memory(array for node in self._nodes for array in (node.sums, node.handed))
+        fmus = [ImpulsiveFmu(name, ports, kernel) for name in names]
+        self._struck, self._count = [_Struck(fmu) for fmu in fmus], len(ports)
+        self.memory = Memory(array for fmu in fmus for array in (fmu.sums, fmu.handed))
         received = {port.impulse.target.reference: port.impulse.target.force or "" for port in ports}
         ends = connections_that_stop_impulses(simulation, forces_through(ports), received)
         self._ends = [ends.get(port.impulse.target.reference) for port in ports]
@@ -141,10 +120,9 @@ class Impacts:
         sums = impulse_sums(simulation, ports)
         self._sums, self._forces = map(bus.columns, (sums, sums.values()))
         self._pushing = bus.columns(contact.force for contact in contacts)
-        self._frictions = Frictions(ports, kernel)
-        self.begins_to_slide, self.let_stick = self._frictions.begins_to_slide, self._frictions.let_stick
+        self.frictions = Frictions(fmus, ports, kernel)
 
-    def initialize(self, initialize: Action) -> None:
+    def initialize(self, initialize: Callable[[], None]) -> None:
         """Initialize all FMUs, and choose the modes of dry friction together where they do not agree on them.
 
         :raises RefusedError: if there are none on which they agree.
@@ -152,13 +130,13 @@ class Impacts:
         try:
             initialize()
         except RefusedError:
-            if not self._frictions.choose_at_start():
+            if not self.frictions.choose(initial=True):
                 raise
 
     def start(self) -> None:
         """Read the sums of impulses at the start time; warn of impacts there, which each FMU has resolved alone."""
-        for node in self._nodes:
-            node.sums[:], node.handed[:] = 0.0, self._bus.values[node.impulses]
+        for one in self._struck:
+            one.fmu.sums[:], one.fmu.handed[:] = 0.0, self._bus.values[one.impulses]
         if alone := [variable for variable, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:
             logger.warning(
                 "%s: there is an impact at the start, which takes no part in others: %s = %.4g N.s; start with a gap",
@@ -175,13 +153,13 @@ class Impacts:
         :param size: of the step [s].
         """
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
-        least = _LEAST_IMPULSE * (np.abs(sums) + size * forces)
+        least = LEAST_IMPULSE * (np.abs(sums) + size * forces)
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
 
     def has_changed_contact(self, before: Floats, after: Floats) -> bool:
         """Whether a contact has begun or ended to push or to slide, by values of the bus before and after."""
         pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
-        return bool(np.any(pushed != pushes)) or self._frictions.have_changed(before, after)
+        return bool(np.any(pushed != pushes)) or self.frictions.have_changed(before, after)
 
     def _time_to_contact(self, values: Floats) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
@@ -220,18 +198,18 @@ class Impacts:
         :raises RefusedError: if Newton's method does not converge, if they have no end or gain energy, or if they act
             on what passes on no impulses.
         """
-        for node in self._nodes:
-            node.begin()
-        for _ in range(_MOST_AT_ONCE):
+        for one in self._struck:
+            one.begin()
+        for _ in range(MOST_IMPACTS):
             z, energy = self._solve_one(time)
-            losses = [node.energy_loss() for node in self._nodes]
+            losses = [one.energy_loss() for one in self._struck]
             self._check_impact(time, z, sum(losses), _ROUNDING * _MOST_ROUNDING * energy)
-            left = [node.end() for node in self._nodes]
+            left = [one.end() for one in self._struck]
             if not np.any(z) and not np.any(losses):
                 return
-            for node, rates in zip(self._nodes, left, strict=True):
-                node.begin(rates)
-        words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
+            for one, rates in zip(self._struck, left, strict=True):
+                one.begin(rates)
+        words = f"more than {MOST_IMPACTS} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
 
     def _check_impact(self, time: float, z: Floats, loss: float, rounding: float) -> None:
@@ -240,7 +218,7 @@ class Impacts:
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
         if ends:
             why = f"acts through {ends[0]} too, which passes on no impulses: make one FMU of the system by flatten()"
-        elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)) - rounding:
+        elif loss < -ENERGY_GAIN * (np.abs(jumps) @ np.abs(impulses)) - rounding:
             why = "would gain energy by Newton's restitution and friction (Kane): take less of either"
         else:
             return
@@ -274,34 +252,34 @@ class Impacts:
                 f"{self._title}: the impact at t = {time:.10g} s, in which several FMUs take part, does not converge: "
                 "make one FMU of the system by flatten()"
             )
-        for node in self._nodes:
-            node.respond(z)
+        for one in self._struck:
+            one.respond(z)
         return z, float(sizes[: self._count] @ sizes[self._count :])
 
     def _residual(self, z: Floats) -> Floats:
         """Increments of outputs, less the unknowns."""
         F = -z
-        for node in self._nodes:
-            F[node.results] += node.respond(z)
+        for one in self._struck:
+            F[one.fmu.returned] += one.respond(z)
         return F
 
     def _jacobian(self, z: Floats, sizes: Floats) -> Floats:
         """Derivatives of the residual by the unknowns."""
         J = -np.eye(len(z))
-        for node in self._nodes:
-            middle = node.respond(z)
-            for k in dict.fromkeys(node.increments.tolist()):
+        for one in self._struck:
+            middle = one.respond(z)
+            for k in dict.fromkeys(one.increments.tolist()):
                 other = z.copy()
                 other[k] += max(_DIFFERENCE * abs(z[k]), _LEAST_DIFFERENCE * sizes[k])
-                J[node.results, k] += (node.respond(other) - middle) / (other[k] - z[k])
+                J[one.fmu.returned, k] += (one.respond(other) - middle) / (other[k] - z[k])
         return J
 
     def _magnitudes(self, sizes: Floats) -> Floats:
         """Magnitudes of the numbers that FMUs add the unknowns to."""
         magnitudes = sizes.copy()
-        for node in self._nodes:
-            np.maximum.at(magnitudes, node.increments, np.abs(node.starts))
-            np.maximum.at(magnitudes, node.results, np.abs(node.before))
+        for one in self._struck:
+            np.maximum.at(magnitudes, one.increments, np.abs(one.starts))
+            np.maximum.at(magnitudes, one.fmu.returned, np.abs(one.before))
         return magnitudes
 
     def _sizes(self, F: Floats) -> Floats:

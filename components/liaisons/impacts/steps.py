@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, final
 from weakref import proxy
 
-from liaisons.base.arrays import Floats
 from liaisons.cosim import Kernel, Moment
 from liaisons.errors import RefusedError
 from liaisons.impacts.impacts import Impacts
@@ -31,6 +30,7 @@ class ImpactSteps:
     def __init__(self, kernel: Kernel, ports: Sequence[ImpulsivePort]) -> None:
         self._kernel: Kernel = proxy(kernel)  # which refers to this: a run is freed when nothing refers to it
         self._impacts = Impacts(ports, self._kernel)
+        self._frictions = self._impacts.frictions
         self._forget_step()
 
     def initialize(self, solve: Callable[[], None]) -> None:
@@ -69,28 +69,32 @@ class ImpactSteps:
             words = f"more than {_MOST_IMPACTS} impacts, or changes of contacts, before t = {instant:.10g} s"
             raise RefusedError(f"{self._kernel.simulation.title}: {words}: make one FMU of the system by flatten()")
         self._count += 1
-        if start > self._settled + _LEAST_IMPACT_DISTANCE * self._size and self._begins_to_slide(self._size):
-            self._settled = start
-            is_reached = self._cross(start, instant, self._size, in_result=in_result)
-        else:
-            before, refusals = self._kernel.save(), list[RefusedError]()
-            if self._attempt(before, instant, refusals, in_result=in_result):
-                self._forget_step()
-                return int(recorder.time == instant)
-            stop = self._impacts.step_to_first(start, instant, lambda end: self._attempt(before, end, refusals))
-            if stop <= start:
-                if refusals:
-                    raise refusals[0]
-                self._kernel.moments.restore(before)
-            is_reached = self._cross(stop, instant, instant - start, in_result=in_result)
+        if self._begins_to_slide(start, self._size) and self._frictions.choose(recorder.rows[recorder.done - 1]):
+            self._kernel.begin_piece(self._size)
+        before, refusals = self._kernel.save(), list[RefusedError]()
+        if self._attempt(before, instant, refusals, in_result=in_result):
+            self._forget_step()
+            return int(recorder.time == instant)
+        stop = self._impacts.step_to_first(start, instant, lambda end: self._attempt(before, end, refusals))
+        if stop <= start:
+            if refusals:
+                raise refusals[0]
+            self._kernel.moments.restore(before)
+        is_reached = self._cross(stop, instant, instant - start, in_result=in_result)
         if is_reached:
             self._forget_step()
         return int(is_reached)
 
-    def _begins_to_slide(self, size: float) -> bool:
-        """Whether the present point begins a smooth piece, and dry friction slides there without a velocity."""
+    def _begins_to_slide(self, now: float, size: float) -> bool:
+        """Whether a smooth piece begins at the present instant [s], in which dry friction slides without a velocity.
+
+        Only once: what slides on then does so as all FMUs have chosen.
+        """
         recorder = self._kernel.recorder
-        return recorder.begins_piece and self._impacts.begins_to_slide(recorder.rows[recorder.done - 1], size)
+        if now <= self._settled or not recorder.begins_piece:
+            return False
+        self._settled = now
+        return self._frictions.begin_to_slide(recorder.rows[recorder.done - 1], size)
 
     def _attempt(self, before: Moment, stop: float, refusals: list[RefusedError], *, in_result: bool = False) -> bool:
         """Step to an instant [s]; returns whether no contact has changed and no FMU has refused.
@@ -126,31 +130,24 @@ class ImpactSteps:
         kernel, recorder, impacts, start = self._kernel, self._kernel.recorder, self._impacts, self._kernel.save()
         before = recorder.rows[recorder.done - 1].copy()
         stop = min(now + kernel.timeline.tiny_step(now, size), end)
-
-        def cross(*actions: Callable[[], None]) -> Floats:
+        after = kernel.cross(now, stop).copy() if stop > now else before
+        has_impact = impacts.has_impact(before, after, size)
+        if has_impact or self._frictions.have_stopped(before, after):
             kernel.moments.restore(start)
-            for action in actions:
-                action()
-            return kernel.cross(now, stop)
-
-        def go_on() -> Floats:
-            return kernel.cross(stop, stop + (stop - now))
-
-        after = kernel.cross(now, stop) if stop > now else before
-        if not impacts.has_impact(before, after, size):
-            if stop > now:
-                after = impacts.let_stick(before, after, size, (cross, go_on))
-            if self._begins_to_slide(size):  # as the FMUs have chosen alone
-                recorder.rows[recorder.done - 1] = after
-            recorder.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
-            return stop == end
-        kernel.moments.restore(start)
-        if is_end := end - now <= _LEAST_IMPACT_DISTANCE * size:
-            now = recorder.times[recorder.done - 1] = end
-            if in_result:
-                recorder.result_times[recorder.done - 1] = end
-        kernel.bus.set_step(now, now)
-        kernel.bus.perform(kernel.calls.instant)  # inputs are outputs, whatever the tolerance
-        impacts.solve(now)
-        kernel.begin_piece(size)
-        return is_end
+            if is_end := end - now <= _LEAST_IMPACT_DISTANCE * size:
+                now = recorder.times[recorder.done - 1] = end
+                if in_result:
+                    recorder.result_times[recorder.done - 1] = end
+            kernel.bus.set_step(now, now)
+            kernel.bus.perform(kernel.calls.instant)  # inputs are outputs, whatever the tolerance
+            if has_impact:
+                impacts.solve(now)
+            if has_impact or self._frictions.choose(before, after):
+                kernel.begin_piece(size)
+                return is_end
+            kernel.moments.restore(start)
+            after = kernel.cross(start.time, stop)
+        recorder.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
+        if not self._frictions.have_changed(before, after) and self._frictions.choose(after):  # for a force of others
+            kernel.begin_piece(size)
+        return stop == end

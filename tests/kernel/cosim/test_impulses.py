@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import pairwise, product
 from pathlib import Path
@@ -340,6 +340,35 @@ def test_python_fmu_refuses_impulses(tmp_path: Path) -> None:
     words = r"bob_x_impulse = 0\.2: a Python FMU takes no impulses; build it with backend='native'"
     with start(path, stop_time=1.0, step_size=0.1) as run, pytest.raises(IncompleteError, match=words):
         run.step(bob_x_impulse=0.2)
+
+
+@pytest.mark.parametrize("kind", [FMU2Slave, FMU3Slave])
+def test_what_hardly_slides_sticks_with_others(fmus: Callable[[str, Fmi], Path], kind: Callable[..., Any]) -> None:
+    """At 0.1 nm/s an FMU alone slides on; a sum of impulses that grows by its last digit lets it settle with others.
+
+    On a belt that accelerates at 1.5 m/s² it sticks by 1.5 N of 1.96 N, at 2.5 m/s² it slides.
+    """
+    fmi: Fmi = "2" if kind is FMU2Slave else "3"
+    slave, number = _by_fmpy(kind, fmus("DryOscillator", fmi))
+    setter, getter = (getattr(slave, f"{verb}{'Real' if fmi == '2' else 'Float64'}") for verb in ("set", "get"))
+
+    def directions(*sums_and_accelerations: tuple[float, float]) -> Iterator[float]:
+        for values in sums_and_accelerations:
+            setter([number[name] for name in ("belt_dot", "belt_dot_jump", "belt_ddot")], [1e-10, *values])
+            yield getter([number["slip_direction"]])[0]
+
+    slave.instantiate()
+    starts = {"x_0": 0.0, "belt_dot": 0.1, "mu_static": 0.2, "mu_sliding": 0.2}
+    setter([number[name] for name in starts], [*starts.values()])
+    if fmi == "2":
+        slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    least = 5e-324
+    chosen = directions((0.0, 0.0), (0.0, 1.5), (least, 1.5), (2 * least, -2.5), (2 * least, 1.5), (3 * least, 2.5))
+    assert [*chosen] == [-1, -1, 0, 1, 1, -1]
+    slave.terminate()
+    slave.freeInstance()
 
 
 def test_impulse_is_an_event_in_event_mode(fmus: Callable[[str, Fmi], Path]) -> None:
@@ -705,3 +734,21 @@ def test_modes_at_a_start_are_chosen_together(component: FmuPaths) -> None:
     np.testing.assert_allclose(
         [run[f"b{i}.x_ddot"][0] for i in range(4)], [0, 0, acceleration, acceleration], rtol=1e-9, atol=1e-9
     )  # rounding, as differences of forces of 10 N over masses of 1 kg
+
+
+def test_modes_of_a_stack_are_chosen_together(component: FmuPaths, tmp_path: Path) -> None:
+    """Of three blocks the second comes to rest on the first, which slides, and is torn off; the third rides on it."""
+    blocks = [
+        {"mass": 0.26, "stiffness": 65.0, "mu_sliding": 0.0827, "mu_static": 0.108, "x_0": 0.0666},
+        {"mass": 0.811, "stiffness": 58.6, "mu_sliding": 0.11, "mu_static": 0.188, "x_0": -0.0806},
+        {"mass": 2.85, "stiffness": 0.0, "mu_sliding": 0.393, "mu_static": 0.418, "x_0": 0.00376},
+    ]
+    parts: Parts = {f"b{i}": ("", starts) for i, starts in enumerate(blocks)}
+    fmus = {name: (component("DryOscillator"), starts) for name, (_, starts) in parts.items()}
+    system = wired("b0.x -> b1.belt", "b1.x -> b2.belt", **fmus)
+    settings: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.01, "tolerance": 1e-10}
+    run, whole = system.simulate(**settings), _whole(tmp_path, system, parts, **settings)
+    assert [np.count_nonzero(np.diff(whole[f"{name}.slip_sticks"])) for name in parts] == [0, 2, 0]
+    assert [whole[f"{name}.slip_sticks"][0] for name in parts] == [0, 0, 1]
+    assert _difference(run, whole) < 1e-7  # 0.003 if the second chooses alone
+    assert run.warnings == ()

@@ -14,8 +14,8 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 
-_LEAST_IMPULSE = 1e-8
-"""Smallest impulse that counts, relative to a force times the time in which it acts."""
+LEAST_IMPULSE = 1e-8
+"""Smallest impulse that counts, relative to a force times the time in which it acts, or to a sum of impulses."""
 
 
 class ContactVariables(NamedTuple):
@@ -110,7 +110,7 @@ def missing_impulses(
     missing: list[tuple[Indices, str]] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.reference]
-        least = _LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
+        least = LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
             first = points[0]
             jump = f"{sums[first] - sums[first - 1]:.4g} N.s at t = {times[first]:.6g} s and {len(points) - 1} more"

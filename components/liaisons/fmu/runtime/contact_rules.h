@@ -28,6 +28,8 @@ static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP =
 static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 /* What sticks stays so where its rate is off by this part of its scale. */
 static const double STICKING = 1e-9;
+/* Energy that an impact may gain by rounding, in parts of what its impulses exchange. */
+static const double ENERGY_GAIN = 1e-9;
 
 /* How far a gap may be from 0 by rounding of positions, and of the time at which others move. */
 static inline double contact_rounding(const ContactNumbers *c, size_t i, double time) {
@@ -55,10 +57,11 @@ static inline void contact_add_impact(const ContactNumbers *c, const int touchin
     }
 }
 
-/* Add those to a problem of forces that touch and rest, and what does not slide; the modes of the others. */
-static inline void contact_add_rest(const ContactNumbers *c, const int touching[], Complementarity *p, Modes modes) {
+/* Add those to a problem of forces that touch and rest, and what does not slide; the modes of the others.  With others, an
+ * importer has found the instant at which it does not; there it sticks if it can, as at a start. */
+static inline void contact_add_rest(const ContactNumbers *c, const int touching[], int together, Complementarity *p, Modes modes) {
     for (size_t i = 0; i < p->contacts; i++) {
-        const int gap = i < p->gaps, sticks = !gap && complementarity_holds(p, modes, i);
+        const int gap = i < p->gaps, sticks = !gap && (together || complementarity_holds(p, modes, i));
         const int still = fabs(c->v[i]) <= (sticks ? STICKING : STILL) * c->rate_scale[i];
         const long normal = gap ? -1 : p->normal[i - p->gaps];
         p->rate[i] = c->a[i];
@@ -66,7 +69,10 @@ static inline void contact_add_rest(const ContactNumbers *c, const int touching[
         if (gap && !(touching[i] && still)) modes[i] = OPEN;
         else if (normal >= 0 && !touching[normal]) modes[i] = STICKS; /* it has no force */
         else if (!still) modes[i] = c->v[i] > 0 ? FORWARD : BACKWARD;
-        else p->contact[p->n++] = i;
+        else {
+            if (together && !gap) modes[i] = STICKS;
+            p->contact[p->n++] = i;
+        }
     }
 }
 
@@ -77,7 +83,7 @@ static inline int contact_gains_energy(const ContactNumbers *c, size_t contacts,
         gain += x[i] * (before[i] + c->v[i]) / 2;
         size += fabs(x[i]) * (fabs(before[i]) + 1e-2 * c->rate_scale[i]); /* STILL is rounding */
     }
-    return gain > 1e-9 * size;
+    return gain > ENERGY_GAIN * size;
 }
 
 /* Whether an impact at this rate counts. */

@@ -2,7 +2,10 @@
  *
  * Rates of states are linear in loads, so that an impulse changes states as a load would change their rates; the work is
  * that of the mean rates.  Where the rate of a prescribed coordinate jumps in reaction to impulses of its operator, the
- * contacts reflect the rates from before all jumps, and the operator's impulse has a term of the effective mass. */
+ * contacts reflect the rates from before all jumps, and the operator's impulse has a term of the effective mass.
+ *
+ * A sum that grows by its last digit lets contacts choose their modes with the present inputs: so importers choose those of
+ * several FMUs together. */
 #include "impulses.h"
 
 #include <string.h>

@@ -359,7 +359,7 @@ void core_follow_gaps(Instance *self) {
 static int rest(Instance *self, double time, const int touching[], Complementarity *p, Modes modes, double x[], double rate[]) {
     *p = problem(self, 0);
     read_modes(self, modes);
-    contact_add_rest(&self->contacts.numbers, touching, p, modes);
+    contact_add_rest(&self->contacts.numbers, touching, self->contacts.before != NULL, p, modes);
     return choose(self, p, time, modes, x, rate);
 }
 
