@@ -33,6 +33,13 @@ FLAGS = (
     "-fno-tree-slp-vectorize",  # stores in pairs delay the next stage of the solver by a fifth
     *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
 )
+# Passes of gcc that take a quarter of its time, and after which a step takes no fewer instructions.  Results are the
+# same bits, so these are not among the flags on which guids depend.
+_WITHOUT_PASSES = (
+    *("-fno-gcse", "-fno-tree-pre", "-fno-code-hoisting", "-fno-cse-follow-jumps", "-fno-rerun-cse-after-loop"),
+    *("-fno-inline-small-functions", "-fno-partial-inlining", "-fno-ipa-cp", "-fno-ipa-sra", "-fno-tree-tail-merge"),
+    *("-fno-crossjumping", "-fno-caller-saves", "-fno-schedule-insns2"),
+)
 WASM_FLAGS = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s"),
     *("-fno-math-errno", "-ffp-contract=off", "-fvisibility=hidden"),
@@ -134,8 +141,14 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     if compiler is None:
         raise BuildError(no_compiler_message(" for other platforms" if cross else ""))
     command = [*compiler, "-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else compiler
-    compiling = [*command, *FLAGS, *target.flags]
+    compiling = [*command, *FLAGS, *_without_passes(command, target), *target.flags]
     return _compile_and_link(compiling, [*command, "-shared"], sources, f"library{target.extension}", target.flags)
+
+
+def _without_passes(compiler: list[str], target: Target) -> tuple[str, ...]:
+    """Flags that leave out passes of gcc; none for other compilers, which refuse them, or at a target's own level."""
+    has_level = any(flag.startswith("-O") for flag in target.flags)
+    return _WITHOUT_PASSES if "gcc" in Path(compiler[0]).resolve().name and not has_level else ()
 
 
 def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
