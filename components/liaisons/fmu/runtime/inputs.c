@@ -4,16 +4,21 @@
 
 /* ---- derivatives of inputs, given for one step ------------------------------------------------------------- */
 
+/* Whether a reference, which exists, stands for inputs. */
+static int is_input(const Instance *self, unsigned reference) {
+    return span_of(self, reference).first - self->model->parameters < self->model->inputs;
+}
+
 /* Report a derivative of what is no input, of an order that is not supported, or that is not finite. */
 static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
+    if (reference - self->layout.first < self->layout.references && is_input(self, reference) && order >= 1
+        && order <= ORDER && isfinite(value))
+        return SUCCESS;
     if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
-    const size_t index = span_of(self, reference).first;
-    const char *name = core_name(self, index);
-    if (core_variable_at(self->model, index)->kind != INPUT)
-        return core_report(self, ERROR, "%s is no input", name);
+    const char *name = core_name(self, span_of(self, reference).first);
+    if (!is_input(self, reference)) return core_report(self, ERROR, "%s is no input", name);
     if (order < 1 || order > ORDER)
         return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order, name, ORDER);
-    if (isfinite(value)) return SUCCESS;
     return core_report(self, DISCARD, "derivative of order %d of %s = %s: set a finite number", order, name,
                        core_spelled(value));
 }
@@ -168,11 +173,11 @@ static const double POWERS[ORDER][ORDER] = {
 
 Status core_set_requested_inputs(Instance *self, const unsigned references[], size_t n, const double values[],
                                  size_t count) {
-    const size_t first = self->model->parameters, end = first + self->model->inputs;
+    const size_t first = self->model->parameters;
     if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
     for (size_t i = 0; i < n; i++) {
         const Span span = span_of(self, references[i]);
-        if (span.first < first || span.first >= end)
+        if (!is_input(self, references[i]))
             return core_report(self, ERROR, "%s is no input", core_name(self, span.first));
         for (size_t k = 0; k < span.count; k++)
             self->movers.given[(span.first - first + k) * ORDER + self->movers.requested] = *values++;

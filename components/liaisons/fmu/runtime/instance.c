@@ -340,11 +340,11 @@ void core_start(Instance *self) {
 /* Distance from the constraints, in sizes of the states, from which a projection leads onto them. */
 static const double NEAR = 1e-4;
 
-const double *core_kept_states(Instance *self) {
+const double *core_follow_constraints(Instance *self) {
     const size_t n = self->model->states;
     const double *y = self->v.y;
     self->scratch.projections = 0;
-    if (self->model->redundant == 0 || self->options.use != USE_MODEL_EXCHANGE || self->s->phase < EVENT) return y;
+    if (self->options.use != USE_MODEL_EXCHANGE || self->s->phase < EVENT) return y;
     for (int far = 1; far && self->scratch.projections < MOST_PROJECTIONS; self->scratch.projections++) {
         double *next = self->scratch.kept + self->scratch.projections * n;
         evaluate(self, self->model->project, self->s->time, y, next);

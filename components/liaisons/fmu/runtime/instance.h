@@ -292,9 +292,12 @@ void core_jacobian(Instance *, double time, const double y[], double J[]);
 
 void core_start(Instance *);    /* y and m at initialization, if they do not yet follow from u and k */
 enum { MOST_PROJECTIONS = 4 };
+const double *core_follow_constraints(Instance *);
 /* The states that all is calculated from: y; in model exchange with redundant constraints those on them next to y, which
  * it follows. */
-const double *core_kept_states(Instance *);
+static inline const double *core_kept_states(Instance *self) {
+    return self->model->redundant == 0 ? self->v.y : core_follow_constraints(self);
+}
 /* Replace what z, or a direction of it, has of the states and their derivatives, calculated from the kept ones. */
 void core_correct_states(Instance *, double z[], const double y[], const double kept[]);
 static const double RETURN = 20; /* rate at which y comes back to the kept ones [1/s] */

@@ -90,6 +90,12 @@ static size_t first_drawn(const Model *model) {
     return model->parameters + model->inputs + model->outputs - model->drawn;
 }
 
+/* Index of the first number that is still to be calculated. */
+static size_t first_missing(const Instance *self) {
+    if (!self->known.current) return self->model->parameters + self->model->inputs;
+    return self->known.drawn ? SIZE_MAX : first_drawn(self->model);
+}
+
 /* Calculate the numbers that are about to be read. */
 static void update(Instance *self, Span run) {
     const size_t drawn = first_drawn(self->model), end = run.first + run.count;
@@ -100,19 +106,22 @@ static void update(Instance *self, Span run) {
 }
 
 Status core_get(Instance *self, const unsigned references[], size_t n, double values[], size_t count) {
-    const size_t drawn = first_drawn(self->model);
     Rest rest = {references, n, count};
     Span run;
     *self->v.t = self->s->time;
     if (self->model->indicators > 0 && core_check_references(self, references, n, count) != SUCCESS) return ERROR;
-    if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
+    if (!self->layout.by_variable) { /* nothing is as fast as to take them one by one */
+        size_t missing = first_missing(self);
+        if (n != count) return core_check_references(self, references, n, count);
         for (size_t i = 0; i < n; i++) {
             const size_t index = references[i] - self->layout.first;
             if (index >= self->layout.references) return core_check_references(self, references, n, count);
-            if (index >= drawn && !self->known.drawn) update(self, (Span){index, 1});
-            if (i < count) values[i] = self->v.k[index];
+            if (index >= missing) {
+                update(self, (Span){index, 1});
+                missing = first_missing(self);
+            }
+            values[i] = self->v.k[index];
         }
-        if (n != count) return core_check_references(self, references, n, count);
         return all_finite(values, n) ? SUCCESS : core_refuse_infinite(self, references, values, n, "");
     }
     for (double *value = values; rest.n > 0; value += run.count) {
@@ -210,19 +219,19 @@ static int store(Instance *self, Span run, const double values[], int present) {
 static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
                       int *fresh) {
     const size_t first = self->layout.first + self->model->parameters, inputs = self->model->inputs;
+    double *const set = self->v.set, *const now = present ? self->v.u : set;
     uint64_t differences = 0, before, after;
     for (size_t i = 0; i < n; i++)
-        if (references[i] - first >= inputs || values[i] - values[i] != 0) return 0;
+        if (references[i] - first >= inputs) return 0;
+    if (!all_finite(values, n)) return 0;
     for (size_t i = 0; i < n; i++) {
         const size_t index = references[i] - first;
-        self->v.set[index] = values[i];
-        if (!present) continue;
-        memcpy(&before, &self->v.u[index], sizeof before);
+        memcpy(&before, &now[index], sizeof before);
         memcpy(&after, &values[i], sizeof after);
         differences |= before ^ after;
-        self->v.u[index] = values[i];
+        set[index] = now[index] = values[i];
     }
-    *fresh = differences != 0;
+    *fresh = present && differences != 0;
     return 1;
 }
 
