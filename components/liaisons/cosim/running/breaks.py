@@ -114,6 +114,10 @@ class Timeline:
         """Whether an instant [s] is the next break, or comes before it by rounding."""
         return time - self.next <= time_rounding(self.next)
 
+    def is_at(self, time: float) -> bool:
+        """Whether an instant [s] is the next break, up to rounding."""
+        return abs(time - self.next) <= time_rounding(time)
+
     def find_next(self, time: float) -> None:
         """Set :attr:`next` to the first break after an instant [s] that all FMUs have reached."""
         if not (self._calls or self._drives):

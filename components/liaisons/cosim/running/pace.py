@@ -366,11 +366,16 @@ class Stepping:
             if changed:
                 kernel.bus.perform(changed)
                 kernel.begin_piece()
-            if self._is_watched or kernel.timeline.next < math.inf or points + 1 == kernel.count:
+            end, timeline = kernel.simulation.times[points], kernel.timeline
+            has_break = timeline.next < math.inf
+            is_sample = has_break and kernel.are_samples and timeline.is_at(end)
+            if self._is_watched or (has_break and not is_sample) or points + 1 == kernel.count:
                 deque(self.drive(points + 1), maxlen=0)
-            else:  # nothing can happen before the next point
-                kernel.recorder.step(kernel.simulation.times[points])
+            else:  # nothing can happen before the next point; at it a sample may be taken
+                kernel.recorder.step(end)
                 progress.points += 1
+                if is_sample:
+                    timeline.find_next(end)
         except EndedError as ended:
             progress.end = str(ended)
             logger.warning("%s", ended)
