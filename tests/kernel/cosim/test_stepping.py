@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import pickle
 import time
 import tracemalloc
+import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -226,6 +228,22 @@ def test_without_a_state_nothing_is_read(component: FmuPaths, monkeypatch: pytes
         assert run.time == 0.1
         run.reset(theta_0=0.2)
         assert (run.time, run["theta"]) == (0.0, 0.2)
+
+
+def test_a_run_is_freed_as_soon_as_nothing_refers_to_it(made: Made) -> None:
+    # Its instances and its folder go with it: a cycle of references would keep them until the garbage is collected.
+    system, settings = made
+    gc.disable()
+    try:
+        run = start(system, step_size=0.02, **settings)
+        run.step()
+        if run.repeats:
+            run.restore(run.save())
+        left = weakref.ref(run)
+        del run
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 def test_saved_states_share_their_history(component: FmuPaths) -> None:

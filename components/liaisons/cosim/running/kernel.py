@@ -25,6 +25,7 @@ from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.running.breaks import Deviations, Timeline
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.moment import Moment, Moments, Remembering
+from liaisons.cosim.running.variables import RunVariables
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference, component_of
@@ -169,11 +170,11 @@ class Kernel:
         self._batch = 1  # steps for which functions of time are evaluated at once
         self._has_past = False  # whether it was started before
 
-    def prepare(self, watch: Sequence[Call], owners: Callable[[], Iterable[Remembering]], *, estimates: bool) -> None:
+    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], *, estimates: bool) -> None:
         """Prepare steps and moments, once the bus is as wide as it becomes.
 
         :param watch: calls that may refuse a step after it.
-        :param owners: returns all else that keeps a state from step to step.
+        :param owners: all else that keeps a state from step to step.
         :param estimates: whether errors are estimated.
         """
         simulation, times = self.simulation, self.simulation.times
@@ -185,14 +186,19 @@ class Kernel:
             self.are_samples &= not part.approximation.takes_end_values
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
         self.recorder = Loop([*self.calls.step, *watch], self.calls.instant, self.bus, capacity)
-        self._owners = owners
+        self._owners = [*owners]
+
+    @cached_property
+    def variables(self) -> RunVariables:
+        """Variables that the user reads and sets between steps."""
+        return RunVariables(self.simulation, self.instances, self.bus)
 
     @cached_property
     def moments(self) -> Moments:
         """Saves and restores the state."""
         coupled, memory = self.coupled, self.deviations and self.deviations.memory
         own = self.recorder, coupled, *self.simulation.drives, memory, self.timeline, self.progress
-        return Moments(self.instances, self.bus, [*filter(None, own), *self._owners()])
+        return Moments(self.instances, self.bus, [*filter(None, own), self.variables, *self._owners])
 
     def start(
         self, parts: Components, first: Iterable[Call], last: Iterable[Call], happening: Happening | None = None

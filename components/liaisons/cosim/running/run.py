@@ -6,7 +6,6 @@ import gc
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
-from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, final
@@ -21,10 +20,10 @@ from liaisons.base.published import registered
 from liaisons.cosim.compiled.calls import Vector
 from liaisons.cosim.instances import Instance, extract_fmus, make_instance, try_to_start
 from liaisons.cosim.running.kernel import Impulses, Kernel, fmpy_instance
-from liaisons.cosim.running.moment import Moment, Remembering, check_goes_back, state_calls
+from liaisons.cosim.running.moment import Moment, check_goes_back, state_calls
 from liaisons.cosim.running.observers import Observers, RealTime, add_warnings
 from liaisons.cosim.running.pace import Stepping
-from liaisons.cosim.running.variables import FreeInput, RunVariables, named_values, one_number_each
+from liaisons.cosim.running.variables import FreeInput, named_values, one_number_each
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import EndedError, SimulationError
@@ -65,21 +64,14 @@ class Run:
             self._kernel = kernel = Kernel(simulation, instances, observers.variables)
             observers.prepare(kernel)
             happening = None if impulses is None else impulses.happening(kernel)
-            kernel.prepare(observers.watchdog.calls, self._owners, estimates=observers.estimate is not None)
+            owners = [*filter(None, [observers.estimate, happening])]
+            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate is not None)
             self._stepping = Stepping(kernel, observers, happening)
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
             saves, self._restores = zip(*state_calls(instances), strict=True) if self.repeats else ((), ())
             kernel.bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
-
-    @cached_property
-    def _variables(self) -> RunVariables:
-        return RunVariables(self._kernel.simulation, self._kernel.instances, self._kernel.bus)
-
-    def _owners(self) -> list[Remembering]:
-        """What keeps a state from step to step, beside the kernel."""
-        return [self._variables, *filter(None, [self._observers.estimate, self._stepping.happening])]
 
     def __enter__(self) -> Run:
         return self
@@ -114,7 +106,7 @@ class Run:
         kernel.start(parts or kernel.simulation.parts, self._restores, last, self._stepping.happening)
         self._observers.clock = None
         if self.repeats:
-            self._variables.restore({})  # no input is as it was set before
+            self._kernel.variables.restore({})  # no input is as it was set before
         self._lost = False
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
@@ -142,7 +134,7 @@ class Run:
         """
         values = named_values(inputs, keywords)
         self._require_open()
-        self._set_and_step([self._variables.free_input(name) for name in values], values.values())
+        self._set_and_step([self._kernel.variables.free_input(name) for name in values], values.values())
 
     def stepper(self, inputs: Sequence[str], outputs: Sequence[str]) -> Callable[[ArrayLike], Vector]:
         """Prepare a step as a function of an array.
@@ -154,7 +146,10 @@ class Run:
         """
         inputs, outputs = name_list("inputs", inputs), name_list("outputs", outputs)
         self._require_open()
-        free, columns = [self._variables.free_input(name) for name in inputs], self._variables.columns(outputs)
+        free, columns = (
+            [self._kernel.variables.free_input(name) for name in inputs],
+            self._kernel.variables.columns(outputs),
+        )
         title, bus = self._kernel.simulation.title, self._kernel.bus
 
         def step(values: ArrayLike) -> Vector:
@@ -179,7 +174,7 @@ class Run:
         :raises SimulationError: for an unknown name, and after the run was closed.
         """
         self._require_open()
-        return self._variables.read(name)
+        return self._kernel.variables.read(name)
 
     def pace(self, factor: float = 1.0) -> None:
         """From now on, wait after each step until the clock has advanced as much as the run.
@@ -256,7 +251,7 @@ class Run:
         self._require_open()
         (linearization_of_run,) = registered("liaisons.linearization")
         return linearization_of_run(
-            self._kernel.simulation, self._kernel.instances, self.time, self._variables.recorded()
+            self._kernel.simulation, self._kernel.instances, self.time, self._kernel.variables.recorded()
         )
 
     @property
