@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -105,20 +106,26 @@ def lagrange(
     :param more: other fields of the task.
     """
     every, n = [*start, *prescribed], len(start)
-    left = LagrangesMethod(lagrangian, every).form_lagranges_equations()
-    unknown = [q.diff(TIME, 2) for q in start]
-    accelerations = [*left[:n, :].jacobian(unknown).LUsolve(-left[:n, :].subs(dict.fromkeys(unknown, 0)))] if n else []
-    energy = sum(q.diff(TIME) * lagrangian.diff(q.diff(TIME)) for q in every) - lagrangian
-    known = [q.diff(TIME, k) for k in range(3) for q in prescribed] + [q.diff(TIME, k) for k in range(2) for q in start]
-    functions = [
-        sympy.lambdify(arguments, values, [{"sin": sin, "cos": cos}, "math"], cse=True)
-        for arguments, values in ((known, accelerations), ([*known, *unknown], [*left[n:, :], energy]))
-    ]
+
+    @cache  # derived for those who ask
+    def functions() -> Sequence[Callable[..., Any]]:
+        left = LagrangesMethod(lagrangian, every).form_lagranges_equations()
+        unknown = [q.diff(TIME, 2) for q in start]
+        rest = left[:n, :].subs(dict.fromkeys(unknown, 0))
+        accelerations = [*left[:n, :].jacobian(unknown).LUsolve(-rest)] if n else []
+        energy = sum(q.diff(TIME) * lagrangian.diff(q.diff(TIME)) for q in every) - lagrangian
+        known = [q.diff(TIME, k) for k in range(3) for q in prescribed]
+        known += [q.diff(TIME, k) for k in range(2) for q in start]
+        return [
+            sympy.lambdify(arguments, values, [{"sin": sin, "cos": cos}, "math"], cse=True)
+            for arguments, values in ((known, accelerations), ([*known, *unknown], [*left[n:, :], energy]))
+        ]
 
     def dynamics(t: Any, y: Sequence[Any]) -> tuple[Sequence[Any], Sequence[Any], Any]:
         known = [*np.ravel([motion(t) for motion in prescribed.values()], "F"), *y]
-        accelerations = functions[0](*known)
-        *forces, energy = functions[1](*known, *accelerations)
+        solve, apply = functions()
+        accelerations = solve(*known)
+        *forces, energy = apply(*known, *accelerations)
         return [*y[n:], *accelerations], forces, energy
 
     states = np.ravel([*start.values()], "F").tolist()

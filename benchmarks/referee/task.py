@@ -50,14 +50,14 @@ class Task:
 
     :ivar motions: prescribed joint -> motion; ``jumps`` are instants at which σ̇ jumps [s].
     :ivar asked: joints whose places are asked, of ``signals`` in ours; ``whole``: their sum with the prescribed one.
-    :ivar reference: of instants: the answer, and what it was held against: words -> relative difference.
+    :ivar reference: of instants: the answer, and what it was compared with: words -> relative difference.
     :ivar start: other joint -> place and rate at the start, 0 where it is not named; ``spin`` is that of a ball joint.
     :ivar force: signal of ours; that of the first prescribed joint by default.
     :ivar carrier: mass of the first prescribed body, whose part of the force is left out [kg]; ``weight`` is the
         acceleration of gravity along it [m/s2].
     :ivar springs: joint -> stiffness, as in the file.
     :ivar constraint: what acts besides joints, if anything.
-    :ivar functions: of σ, σ̇, σ̈, then of q and q̇: the accelerations; of these, too: the forces and the energy.
+    :ivar functions: derives those of σ, σ̇, σ̈, then of q and q̇: the accelerations; of these, too: forces and energy.
     :ivar file: in MJCF, unless it is in the folder of tasks.
     """
 
@@ -78,7 +78,7 @@ class Task:
     whole: bool = False
     springs: Mapping[str, float] = field(default_factory=dict)
     constraint: str = ""
-    functions: Sequence[Callable[..., Any]] = ()
+    functions: Callable[[], Sequence[Callable[..., Any]]] | None = None
     file: Path | None = None
 
     @property

@@ -19,8 +19,9 @@ def _built():
 
 
 def written(task, step, *, runge):
-    if not task.functions:
+    if task.functions is None:
         raise CannotError("not written")
+    task.functions()  # derived before the time of steps is taken
     fmu, _, reference = instance(_built())
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()

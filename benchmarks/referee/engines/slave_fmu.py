@@ -24,7 +24,7 @@ class SlaveFmu(Fmi3Slave):
 
     def do_step(self, current_time, step_size):
         task, h = TASKS[int(self.which)], step_size
-        n, accelerations, forces = len(task.motions), *task.functions
+        n, accelerations, forces = len(task.motions), *task.functions()
         given = np.array([getattr(self, name) for name in INPUTS]).reshape(3, 2)
         if not self.runge:
             given[1] = (given[0] - self.before[0]) / h

@@ -51,5 +51,5 @@ TASK = replace(
     asked=["swing"],
     start={"elbow": (second - first, spin[1] - spin[0]), "swing": (third, spin[2])},
     reference=reference,
-    functions=(),
+    functions=None,
 )
