@@ -264,6 +264,19 @@ def test_ball_on_a_table_of_another_fmu(
     assert not np.isnan(coupling_errors(run)).any()
 
 
+def test_an_impact_that_newton_does_not_solve_is_refused(
+    fmus: Callable[[str, Fmi], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("liaisons.impacts.impacts._MOST_ITERATIONS", 0)
+    system = _system(
+        fmus, "2", {"table": ("Table", {}), "ball": ("BouncingBall", {"height_0": 0.3})}, ("table.x -> ball.table",)
+    )
+    with pytest.raises(
+        IncompleteError, match=r"the impact at t = 0\.2.* does not converge: make one FMU of the system by"
+    ):
+        system.simulate(0.5, 0.01)
+
+
 def test_an_operator_moves_what_the_mechanism_adds_to_it(fmus: Callable[[str, Fmi], Path]) -> None:
     """1 kg falls on 1 kg + 2 kg: the jump of the rate takes two thirds of the impulse, the operator gives the third."""
     parts: Parts = {"box": ("Tray", {"bounce": 0.5}), "table": ("Table", {})}
