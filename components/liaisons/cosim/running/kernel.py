@@ -170,14 +170,14 @@ class Kernel:
         self._batch = 1  # steps for which functions of time are evaluated at once
         self._has_past = False  # whether it was started before
 
-    def prepare(self, watch: Sequence[Call], owners: Iterable[Remembering], *, estimates: bool) -> None:
+    def prepare(self, watch: Sequence[Call], estimate: Remembering | None, happening: Remembering | None) -> None:
         """Prepare steps and moments, once the bus is as wide as it becomes.
 
         :param watch: calls that may refuse a step after it.
-        :param owners: all else that keeps a state from step to step.
-        :param estimates: whether errors are estimated.
+        :param estimate: that of errors, if any can be estimated.
+        :param happening: what may happen within steps.
         """
-        simulation, times = self.simulation, self.simulation.times
+        simulation, times, estimates = self.simulation, self.simulation.times, estimate is not None
         self._estimates = self._halves = estimates and self.timeline.divides
         self.are_samples = self.timeline.are_samples and not (estimates or simulation.iterates)
         fed = {*map(component_of, simulation.feeds)}
@@ -186,7 +186,7 @@ class Kernel:
             self.are_samples &= not part.approximation.takes_end_values
         capacity = len(times) if math.isfinite(times[-1]) else _FEW_POINTS
         self.recorder = Loop([*self.calls.step, *watch], self.calls.instant, self.bus, capacity)
-        self._owners = [*owners]
+        self._owners = estimate, happening
 
     @cached_property
     def variables(self) -> RunVariables:
@@ -198,7 +198,8 @@ class Kernel:
         """Saves and restores the state."""
         coupled, memory = self.coupled, self.deviations and self.deviations.memory
         own = self.recorder, coupled, *self.simulation.drives, memory, self.timeline, self.progress
-        return Moments(self.instances, self.bus, [*filter(None, own), self.variables, *self._owners])
+        owners = *own, self.variables, *self._owners
+        return Moments(self.instances, self.bus, [owner for owner in owners if owner is not None])
 
     def start(
         self, parts: Components, first: Iterable[Call], last: Iterable[Call], happening: Happening | None = None

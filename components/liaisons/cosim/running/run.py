@@ -56,16 +56,12 @@ class Run:
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in simulation.parts.values())
         with ExitStack() as stack, _pause_garbage_collection():
             instances = _load(simulation, folders, stack)
-            impulses: Impulses | None = None
-            if simulation.iterates and simulation.impulses:
-                (impulses_through,) = registered("liaisons.impacts")
-                impulses = impulses_through(simulation)
+            impulses = _impulses(simulation)
             self._observers = observers = Observers(simulation, impulses)
             self._kernel = kernel = Kernel(simulation, instances, observers.variables)
             observers.prepare(kernel)
             happening = None if impulses is None else impulses.happening(kernel)
-            owners = [*filter(None, [observers.estimate, happening])]
-            kernel.prepare(observers.watchdog.calls, owners, estimates=observers.estimate is not None)
+            kernel.prepare(observers.watchdog.calls, observers.estimate, happening)
             self._stepping = Stepping(kernel, observers, happening)
             self._closed, self._lost = False, True  # closed; without a state of the FMUs
             saves, self._restores = zip(*state_calls(instances), strict=True) if self.repeats else ((), ())
@@ -87,8 +83,7 @@ class Run:
     def fmu(self, name: str) -> Any:
         """The object of FMPy that is an FMU: ``FMU2Slave``, ``FMU2Model``, ``FMU3Slave`` or ``FMU3Model``.
 
-        You may do anything with it that FMPy offers, except what the run does itself: step, reset, terminate and free
-        it.
+        It can do anything that FMPy offers, except what the run does itself: step, reset, terminate, free.
 
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
@@ -146,10 +141,8 @@ class Run:
         """
         inputs, outputs = name_list("inputs", inputs), name_list("outputs", outputs)
         self._require_open()
-        free, columns = (
-            [self._kernel.variables.free_input(name) for name in inputs],
-            self._kernel.variables.columns(outputs),
-        )
+        variables = self._kernel.variables
+        free, columns = [variables.free_input(name) for name in inputs], variables.columns(outputs)
         title, bus = self._kernel.simulation.title, self._kernel.bus
 
         def step(values: ArrayLike) -> Vector:
@@ -249,10 +242,8 @@ class Run:
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """
         self._require_open()
-        (linearization_of_run,) = registered("liaisons.linearization")
-        return linearization_of_run(
-            self._kernel.simulation, self._kernel.instances, self.time, self._kernel.variables.recorded()
-        )
+        kernel, (linearization_of_run,) = self._kernel, registered("liaisons.linearization")
+        return linearization_of_run(kernel.simulation, kernel.instances, self.time, kernel.variables.recorded())
 
     @property
     def instants(self) -> Vector:
@@ -298,6 +289,14 @@ class Run:
 
     def _refuse(self, words: str) -> NoReturn:
         raise SimulationError(f"{self._kernel.simulation.title}: {words}")
+
+
+def _impulses(simulation: Simulation) -> Impulses | None:
+    """Impulses that go through connections; None without any."""
+    if not (simulation.iterates and simulation.impulses):
+        return None
+    (impulses_through,) = registered("liaisons.impacts")
+    return impulses_through(simulation)
 
 
 def _load(simulation: Simulation, folders: Mapping[Path, Path] | None, stack: ExitStack) -> dict[str, Instance]:
