@@ -18,68 +18,104 @@ static size_t count_prescribed(const Model *model) {
     return count;
 }
 
-/* Take the next n numbers of a block. */
-static double *cut(double **rest, size_t n) {
-    double *part = *rest;
-    *rest += n;
-    return part;
+/* Memory that is distributed: without a block, its size is counted. */
+typedef struct {
+    char *block;
+    size_t used;
+} Memory;
+
+/* Take room for n things, such that doubles and pointers may follow. */
+static void *take(Memory *memory, size_t n, size_t size) {
+    void *room = memory->block == NULL ? NULL : memory->block + memory->used;
+    memory->used += (n * size + sizeof(double) - 1) / sizeof(double) * sizeof(double);
+    return room;
 }
 
-static Directions cut_directions(double **rest, const Model *model, size_t outputs) {
-    double *y = cut(rest, model->states), *u = cut(rest, model->inputs), *k = cut(rest, model->parameters);
-    double *m = cut(rest, model->memory);
-    return (Directions){0, y, u, k, m, cut(rest, outputs)};
+static double *take_numbers(Memory *memory, size_t n) { return take(memory, n, sizeof(double)); }
+
+static void lay_out_directions(Directions *d, Memory *memory, const Model *model, size_t outputs) {
+    d->y = take_numbers(memory, model->states);
+    d->u = take_numbers(memory, model->inputs);
+    d->k = take_numbers(memory, model->parameters);
+    d->m = take_numbers(memory, model->memory);
+    d->z = take_numbers(memory, outputs);
 }
 
-/* Columns of work space that the solver needs. */
-static size_t columns_of_work(const Model *model) { return model->indicators > 0 ? EVENT_COLUMNS : SOLVER_COLUMNS; }
-
-/* Numbers that limits need where constraints lose rank. */
-static size_t numbers_aside(const Model *model) {
-    return model->guarded ? model->inputs + (3 + 2 * ASIDE) * model->states + 2 * ASIDE * model->outputs : 0;
+/* What a saved state holds, first what a communication step changes; then what follows from it. */
+static void lay_out_state(Instance *self, Memory *memory) {
+    const Model *model = self->model;
+    self->s = take(memory, 1, sizeof *self->s);
+    self->v.u = take_numbers(memory, model->inputs);
+    self->v.y = take_numbers(memory, model->states);
+    self->v.low = take_numbers(memory, model->states);
+    self->v.m = take_numbers(memory, model->memory);
+    self->v.past = take(memory, self->prescribed.count, sizeof *self->v.past);
+    self->v.history = take_numbers(memory, HISTORY * model->coupled);
+    self->v.applied = take_numbers(memory, model->impulses);
+    self->layout.moving_size = memory->used;
+    self->v.taylor = take_numbers(memory, COEFFICIENTS * model->inputs);
+    self->v.size = take_numbers(memory, model->states);
+    self->v.k = take_numbers(memory, model->parameters);
+    self->v.set = take_numbers(memory, model->inputs);
+    self->layout.state_size = memory->used;
+    self->v.z = take_numbers(memory, model->outputs);
+    self->v.t = take_numbers(memory, 1);
+    self->step.backup = take(memory, 1, self->layout.moving_size);
 }
 
-static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
+static void lay_out_scratch(Instance *self, Memory *memory) {
+    const Model *model = self->model;
+    /* Numbers that limits need where constraints lose rank. */
+    const size_t aside = model->inputs + (3 + 2 * ASIDE) * model->states + 2 * ASIDE * model->outputs;
+    lay_out_directions(&self->d, memory, model, model->outputs);
+    lay_out_directions(&self->e, memory, model, 0);
+    self->scratch.work = take_numbers(memory, (model->indicators > 0 ? EVENT_COLUMNS : SOLVER_COLUMNS) * model->states);
+    self->scratch.kept = take_numbers(memory, model->redundant > 0 ? MOST_PROJECTIONS * model->states : 0);
+    self->scratch.aside = take_numbers(memory, model->guarded ? aside : 0);
+    self->scratch.condition = take_numbers(memory, model->start_conditions);
+    self->scratch.instant = take_numbers(memory, model->events);
+    self->scratch.residual = take_numbers(memory, model->residuals);
+    self->scratch.projected = take_numbers(memory, states_of_constraints(model));
+    self->scratch.anchor = take_numbers(memory, states_of_constraints(model));
+}
+
+static void lay_out_contacts(Contacts *c, Memory *memory, const Model *model) {
     const ContactRows *rows = &model->rows;
-    c->all = cut(rest, rows->count);
-    c->operators = cut(rest, model->operators);
-    c->indicators = cut(rest, model->indicators);
+    c->all = take_numbers(memory, rows->count);
+    c->operators = take_numbers(memory, model->operators);
+    c->indicators = take_numbers(memory, model->indicators);
+    if (c->all == NULL) return;
 #define COLUMN(name) c->numbers.name = c->all + rows->name;
     CONTACT_NUMBERS(COLUMN)
 #undef COLUMN
 }
 
-/* Distribute the two blocks of memory, in an order in which parts can be copied or cleared at once. */
-static void lay_out(Instance *self) {
+/* Lists of inputs and parameters, and memory of the generated functions. */
+static void lay_out_lists(Instance *self, Memory *memory) {
     const Model *model = self->model;
-    double *rest = (double *)(self->s + 1);
-    self->v.u = cut(&rest, model->inputs);
-    self->v.y = cut(&rest, model->states);
-    self->v.low = cut(&rest, model->states);
-    self->v.m = cut(&rest, model->memory);
-    self->v.past = (Past *)cut(&rest, self->prescribed.count * PAST);
-    self->v.history = cut(&rest, HISTORY * model->coupled);
-    self->v.applied = cut(&rest, model->impulses);
-    self->v.taylor = cut(&rest, COEFFICIENTS * model->inputs);
-    self->v.size = cut(&rest, model->states);
-    self->v.k = cut(&rest, model->parameters);
-    self->v.set = cut(&rest, model->inputs);
-    self->v.z = cut(&rest, model->outputs);
-    self->v.t = rest;
-    rest = self->d.y;
-    self->d = cut_directions(&rest, model, model->outputs);
-    self->e = cut_directions(&rest, model, 0);
-    self->scratch.work = cut(&rest, columns_of_work(model) * model->states);
-    self->scratch.kept = cut(&rest, model->redundant > 0 ? MOST_PROJECTIONS * model->states : 0);
-    self->scratch.aside = cut(&rest, numbers_aside(model));
-    self->scratch.condition = cut(&rest, model->start_conditions);
-    self->scratch.instant = cut(&rest, model->events);
-    self->scratch.residual = cut(&rest, model->residuals);
-    self->scratch.projected = cut(&rest, states_of_constraints(model));
-    self->scratch.anchor = cut(&rest, states_of_constraints(model));
-    self->call.reals = cut(&rest, model->reals);
-    lay_out_contacts(&self->contacts, &rest, model);
-    self->movers.given = rest;
+    const size_t inputs = model->inputs;
+    self->movers.list = take(memory, inputs, sizeof *self->movers.list);
+    self->movers.of_input = take(memory, inputs, sizeof *self->movers.of_input);
+    self->movers.variable_of = take(memory, inputs, sizeof *self->movers.variable_of);
+    self->movers.given = take_numbers(memory, ORDER * inputs);
+    self->bounded = take(memory, model->parameters + inputs + 1, sizeof *self->bounded);
+    self->prescribed.list = take(memory, self->prescribed.count, sizeof *self->prescribed.list);
+    self->prescribed.warned = take(memory, model->active_rows, sizeof *self->prescribed.warned);
+    self->call.arguments = take(memory, 2 * model->most_arguments, sizeof *self->call.arguments);
+    self->call.results = take(memory, 2 * model->most_results, sizeof *self->call.results);
+    self->call.integers = take(memory, model->integers, sizeof *self->call.integers);
+    self->call.reals = take_numbers(memory, model->reals);
+    self->words.name = take(memory, NAME, sizeof *self->words.name);
+}
+
+/* Distribute a block of memory; returns its size. */
+static size_t lay_out(Instance *self, char *block) {
+    Memory memory = {block, 0};
+    lay_out_state(self, &memory);
+    lay_out_scratch(self, &memory);
+    lay_out_contacts(&self->contacts, &memory, self->model);
+    lay_out_lists(self, &memory);
+    return memory.used;
 }
 
 static void lay_out_call(Instance *self) {
@@ -102,79 +138,9 @@ static void find_settable(Instance *self) {
         }
 }
 
-Instance *core_new(const Model *model, const Options *options) {
-    const size_t n = model->states, settable = model->parameters + model->inputs;
-    const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
-    const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled + model->impulses;
-    const size_t resting = model->inputs * COEFFICIENTS + n + settable;
-    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + (columns_of_work(model) + (model->redundant > 0 ? MOST_PROJECTIONS : 0)) * n
-                           + model->start_conditions + model->events + model->reals + ORDER * model->inputs
-                           + model->residuals + 2 * states_of_constraints(model) + numbers_aside(model)
-                           + model->rows.count + model->operators + model->indicators;
-    Instance *self = calloc(1, sizeof *self);
-    if (self == NULL) return NULL;
-    self->model = model;
-    self->options = *options;
-    self->layout.numbers = settable + model->outputs;
-    const size_t rows = model->by_number ? self->layout.numbers : model->variable_rows;
-    self->layout.by_variable = options->whole && rows < self->layout.numbers;
-    self->layout.references = options->whole ? rows + 1 : self->layout.numbers;
-    self->layout.first = first_reference(model);
-    self->layout.moving_size = sizeof(Scalars) + moving * sizeof(double);
-    self->layout.state_size = self->layout.moving_size + resting * sizeof(double);
-    self->s = calloc(1, self->layout.state_size + (model->outputs + 1) * sizeof(double));
-    self->step.backup = malloc(self->layout.moving_size);
-    self->movers.list = calloc(model->inputs + 1, sizeof *self->movers.list);
-    self->movers.of_input = calloc(model->inputs + 1, sizeof *self->movers.of_input);
-    self->movers.variable_of = calloc(model->inputs + 1, sizeof *self->movers.variable_of);
-    self->bounded = calloc(settable + 1, sizeof *self->bounded);
-    self->prescribed.count = prescribed;
-    self->prescribed.list = calloc(prescribed + 1, sizeof *self->prescribed.list);
-    self->prescribed.warned = calloc(model->active_rows + 1, sizeof *self->prescribed.warned);
-    self->d.y = calloc(scratch + 1, sizeof *self->d.y);
-    self->call.arguments = calloc(2 * model->most_arguments, sizeof *self->call.arguments);
-    self->call.results = calloc(2 * model->most_results, sizeof *self->call.results);
-    self->call.integers = calloc(model->integers + 1, sizeof *self->call.integers);
-    self->words.name = calloc(NAME, sizeof *self->words.name);
-    if (!self->s || !self->step.backup || !self->movers.list || !self->movers.of_input || !self->movers.variable_of
-        || !self->bounded || !self->prescribed.list || !self->prescribed.warned || !self->d.y || !self->call.arguments || !self->call.results
-        || !self->call.integers || !self->words.name) {
-        core_free(self);
-        return NULL;
-    }
-    lay_out(self);
-    lay_out_call(self);
-    find_settable(self);
-    core_find_prescribed(self);
-    core_reset(self);
-    return self;
-}
-
-void core_free(Instance *self) {
-    if (self == NULL) return;
-    free(self->s);
-    free(self->step.backup);
-    free(self->movers.list);
-    free(self->movers.of_input);
-    free(self->movers.variable_of);
-    free(self->bounded);
-    free(self->prescribed.list);
-    free(self->prescribed.warned);
-    free(self->d.y);
-    free(self->call.arguments);
-    free(self->call.results);
-    free(self->call.integers);
-    free(self->words.name);
-    free(self->table);
-    free(self->starts);
-    stiff_free(self->stiff);
-    free(self);
-}
-
-void core_reset(Instance *self) {
+static void set_starts(Instance *self) {
     const Model *model = self->model;
     const Variable *variable = model->variables;
-    memset(self->s, 0, self->layout.state_size);
     self->s->use = self->options.use;
     self->s->phase = INSTANTIATED;
     self->s->reconstruction = EXTRAPOLATE;
@@ -185,11 +151,49 @@ void core_reset(Instance *self) {
         for (size_t i = 0; i < variable->count; i++) self->v.k[variable->first + i] = variable->start;
     for (size_t i = 0; i < model->start_rows; i++) self->v.k[model->starts[i].index] = model->starts[i].value;
     memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
-    memset(self->prescribed.warned, 0, model->active_rows);
-    self->known.current = self->known.apart = self->known.allowed = self->known.rests = 0;
     self->step.discarded_from = self->known.infinite = NAN;
+}
+
+Instance *core_new(const Model *model, const Options *options) {
+    Instance *self = calloc(1, sizeof *self);
+    if (self == NULL) return NULL;
+    self->model = model;
+    self->options = *options;
+    self->layout.numbers = model->parameters + model->inputs + model->outputs;
+    const size_t rows = model->by_number ? self->layout.numbers : model->variable_rows;
+    self->layout.by_variable = options->whole && rows < self->layout.numbers;
+    self->layout.references = options->whole ? rows + 1 : self->layout.numbers;
+    self->layout.first = first_reference(model);
+    self->prescribed.count = count_prescribed(model);
+    char *block = calloc(1, lay_out(self, NULL));
+    if (block == NULL) {
+        free(self);
+        return NULL;
+    }
+    lay_out(self, block);
+    lay_out_call(self);
+    find_settable(self);
+    core_find_prescribed(self);
+    set_starts(self);
+    return self;
+}
+
+void core_free(Instance *self) {
+    if (self == NULL) return;
+    free(self->s); /* the block of memory */
+    free(self->table);
+    free(self->starts);
+    stiff_free(self->stiff);
+    free(self);
+}
+
+void core_reset(Instance *self) {
+    memset(self->s, 0, self->layout.state_size);
+    memset(self->prescribed.warned, 0, self->model->active_rows);
+    self->known.current = self->known.apart = self->known.allowed = self->known.rests = 0;
     free(self->starts);
     self->starts = NULL;
+    set_starts(self);
 }
 
 void core_record_contacts(Instance *self, ContactRecord *record) { self->contacts.record = record; }
