@@ -36,7 +36,7 @@ class Comparison:
 def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]], *, figures: bool = False) -> list[Comparison]:
     """What the page has and each try has measured, in the order of the page; a quick try leaves sizes out.
 
-    :param figures: compare those without a yardstick, too: both were measured on this machine.
+    :param figures: compare those without a yardstick, too, if they have a unit: both were measured on this machine.
     """
     found = []
     for row in written:
@@ -50,8 +50,11 @@ def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]], *, figures:
 
 
 def is_checked(row: Row, figures: bool = False) -> bool:
-    """Whether a row has a ratio, or a figure, of which it is known which is better."""
-    return bool(row.best) and (figures or row.ratio is not None)
+    """Whether a row has a ratio, or a figure with a unit, of which it is known which is better.
+
+    What has no unit, an error or a slope, may be many times another one and as good; its bound says what it may be.
+    """
+    return bool(row.best) and (row.ratio is not None or (figures and bool(row.unit)))
 
 
 def medians(tries: Sequence[Section]) -> Section:

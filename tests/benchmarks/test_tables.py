@@ -149,7 +149,7 @@ def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
 
 def test_a_check_beside_another_checkout_compares_medians_and_figures(row) -> None:
     slow = Row("Calls", "slow", 4.0, "µs", asked="<= 9")
-    rows = [row, slow, replace(slow, case="unbounded", asked="")]
+    rows = [row, slow, replace(slow, case="unbounded", asked=""), replace(slow, case="slope", unit="")]
     page = Section("A title", (), "2026-01-01", "abc1234", "a processor", 0.0, 1.0, quick=True)
 
     def section(ratio: float, figure: float) -> Section:
@@ -157,7 +157,7 @@ def test_a_check_beside_another_checkout_compares_medians_and_figures(row) -> No
         return replace(page, rows=changed)
 
     there = medians([section(1.0, 5.0), section(9.0, 4.0), section(2.0, 3.0)])
-    assert [it.bounded for it in there.rows] == [2.0, 4.0, 4.0]
+    assert [it.bounded for it in there.rows] == [2.0, 4.0, 4.0, 4.0]
     here = [section(1.0, 4.8)]
     assert [it.row.case for it in compared(there.rows, [it.rows for it in here])] == ["ours"]
     found = compared(there.rows, [it.rows for it in here], figures=True)
