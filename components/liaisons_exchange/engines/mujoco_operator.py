@@ -15,6 +15,8 @@ from liaisons_exchange.engines.motions import Motion, evaluated, multipliers, re
 
 mujoco: Any = import_module("mujoco") if find_spec("mujoco") else None
 
+AWAY = 1e-6  # from σ and σ̇ at a start, relative: more than what steps before a saved state miss
+
 
 @final
 class MujocoOperator:
@@ -32,13 +34,16 @@ class MujocoOperator:
         operator.place(data)
         mujoco.set_mjcb_control(operator)
 
+    Call ``place`` after ``mj_resetData``, too: λ keeps σ̈, and the joints stay as far from σ as they start.
+
     :param model: ``mujoco.MjModel`` whose integrator is RK4, or Euler where no joint damping is integrated implicitly.
     :param motions: joint -> function of time [s] that returns σ, σ̇, σ̈ (rad or m).
     :param control: your own control callback, called before, since λ depends on what actuators do.
     :raises ProjectError: if the package ``mujoco`` is missing.
     :raises InvalidValueError: without motions, for a joint that is unknown or no hinge or slide, and for other
-        integrators; by the callback for another model, where a contact, equality, friction loss or limit acts on the
-        kinematic tree of a prescribed joint, and for a motion that does not return three finite numbers.
+        integrators; by the callback for another model, where time starts and the joints are not at σ and σ̇, where a
+        contact, equality, friction loss or limit acts on the kinematic tree of a prescribed joint, and for a motion
+        that does not return three finite numbers.
 
     Source: M 3.5 and 7, with R. Featherstone, Rigid Body Dynamics Algorithms, 9.2 (hybrid dynamics).
     """
@@ -62,6 +67,7 @@ class MujocoOperator:
         self._positions = model.jnt_qposadr[joints]
         self._rows = model.jnt_dofadr[joints]
         self._units = np.eye(model.nv)[self._rows]
+        self._time = np.inf  # of the last call
         self._coupled = np.isin(model.dof_treeid, model.dof_treeid[self._rows])
 
     def __call__(self, model: Any, data: Any) -> None:
@@ -72,7 +78,11 @@ class MujocoOperator:
         data.qfrc_applied[self._rows] = 0.0
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_fwdAcceleration(model, data)
-        lacking = evaluated(self._motions, data.time)[2] - data.qacc_smooth[self._rows]
+        motion = evaluated(self._motions, data.time)
+        if data.time < self._time:
+            self._require_place(data, motion[:2])
+        self._time = data.time
+        lacking = motion[2] - data.qacc_smooth[self._rows]
         data.qfrc_applied[self._rows] = multipliers(self._inverse_mass(model, data), self._rows, lacking)
 
     def place(self, data: Any) -> None:
@@ -98,6 +108,18 @@ class MujocoOperator:
         mujoco.mj_fwdVelocity(model, data)
         self(model, data)
         return self._by_name(data.qfrc_applied[self._rows])
+
+    def _require_place(self, data: Any, wanted: NDArray[np.float64]) -> None:
+        """:raises InvalidValueError: if a joint is not at the wanted place and rate, (2, number of joints)."""
+        own = np.array([data.qpos[self._positions], data.qvel[self._rows]])
+        away = np.argwhere(abs(own - wanted) > AWAY * (1.0 + abs(wanted)))
+        if len(away) > 0:
+            what, joint = away[0]
+            raise InvalidValueError(
+                f"{('place', 'rate')[what]} of joint {self._motions[joint][0]!r} is {own[what, joint]:g} at "
+                f"t = {data.time:g} s, its motion begins with {wanted[what, joint]:g}; call place(data) of the "
+                "operator first, after mj_resetData, too"
+            )
 
     def _by_name(self, values: NDArray[np.float64]) -> dict[str, float]:
         return {name: float(value) for (name, _), value in zip(self._motions, values, strict=True)}

@@ -105,8 +105,8 @@ def test_what_actuators_users_and_springs_do_is_reckoned_with(callback) -> None:
         data.ctrl[:] = 0.2, 3.0
 
     operator = MujocoOperator(model, {"pivot": pivot}, control=control)
-    operator.place(data)
     data.time = 0.4
+    operator.place(data)
     callback(operator)
     mujoco.mj_forward(model, data)
     sigma_ddot = pivot(0.4)[2]
@@ -176,8 +176,9 @@ def test_constraints_elsewhere_are_left_alone(jacobian) -> None:
     model.opt.jacobian = jacobian
     mujoco.mj_forward(model, data)
     assert data.nefc == 1
-    forces = MujocoOperator(model, {"pivot": pivot}).forces(model, data)
-    assert forces["pivot"] == pytest.approx(force(0.3, 0.0, 0.0), rel=1e-12)
+    operator = MujocoOperator(model, {"pivot": pivot})
+    operator.place(data)
+    assert operator.forces(model, data)["pivot"] == pytest.approx(force(0.3, 0.0, 0.0), rel=1e-12)
 
 
 def test_integrators_that_are_implicit_are_refused() -> None:
@@ -196,6 +197,23 @@ def test_integrators_that_are_implicit_are_refused() -> None:
         MujocoOperator(model, {"pivot": pivot})
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     MujocoOperator(model, {"pivot": pivot})
+
+
+@pytest.mark.parametrize(("coordinates", "words"), [("qpos", "place of joint 'pivot' is 0.001"), ("qvel", "rate of")])
+def test_a_motion_that_does_not_begin_where_the_joint_is_is_refused(coordinates, words, callback) -> None:
+    model, data = loaded()
+    operator = MujocoOperator(model, {"pivot": pivot})
+    callback(operator)
+    for _ in range(2):  # a reset sets the time back, and the place
+        operator.place(data)
+        run(model, data, 0.1)
+        mujoco.mj_resetData(model, data)
+        with pytest.raises(InvalidValueError, match=r"rate of joint 'pivot' is 0 at t = 0 s, .* 0\.3; call place"):
+            mujoco.mj_step(model, data)
+    operator.place(data)
+    getattr(data, coordinates)[0] += 1e-3
+    with pytest.raises(InvalidValueError, match=words):
+        operator.forces(model, data)
 
 
 def test_another_model_under_the_same_callback_is_refused(callback) -> None:
