@@ -29,7 +29,7 @@ from native_code import BY_HAND
 
 from liaisons import models
 from liaisons.base.compiler import FLAGS, compile_library, host_target
-from liaisons.chains.loops import PREAMBLE, ChainLoops, loops_code
+from liaisons.chains.loops import ChainLoops, loops_code, preamble
 from liaisons.fmu.code import model_code, source_files
 from liaisons.mechanics import assemble
 
@@ -158,7 +158,8 @@ def _built(name: str, n: int, cache: str) -> Built:
     start_alone = time.process_time()
     assert isinstance(model.loops, ChainLoops)
     (program,) = (program for program in model.loops.programs if program.name == "derivatives")
-    text = "\n".join(["#include <math.h>", "#include <stddef.h>", PREAMBLE, loops_code(program).text])
+    rates = loops_code(program)
+    text = "\n".join(["#include <math.h>", "#include <stddef.h>", preamble([rates]), rates.text])
     text = text.replace("static VECTORISED int", "VECTORISED int")
     start_of_compiler = _compilers()
     compile_library({"rates.c": text.encode()}, host_target())

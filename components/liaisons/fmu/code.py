@@ -125,7 +125,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             *code,
             *_lookup_definitions(model, row_functions),
             *(line for name, statements in booking.items() for line in function_definition(name, statements)),
-            *([model.loops.preamble, *(loop.text for loop in loops.values())] if model.loops else []),
+            *([model.loops.preamble(loops.values()), *(loop.text for loop in loops.values())] if model.loops else []),
             *(line for table in tables for line in table.definition),
             "const Model model = {",
             *(f"    .{name} = {value}," for name, value in fields.items()),

@@ -146,11 +146,6 @@ class Loops(Protocol):
         """How many links there are."""
         ...
 
-    @property
-    def preamble(self) -> str:
-        """C that stands before the functions."""
-        ...
-
     def code(self, coupled: int, differentiated: Iterable[str], *, adjoint: bool) -> Mapping[str, Code]:
         """The functions and their derivatives in C, by member of ``Model`` in core.h.
 
@@ -158,6 +153,10 @@ class Loops(Protocol):
         :param differentiated: members of Model of which there are derivatives.
         :param adjoint: with adjoint derivatives.
         """
+        ...
+
+    def preamble(self, functions: Iterable[Code]) -> str:
+        """C that stands before these functions, and what they use only."""
         ...
 
     def functions(self, links: int) -> Mapping[str, ca.Function]:

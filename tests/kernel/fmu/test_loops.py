@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from liaisons.base.compiler import system_compiler
 from liaisons.chains import Chain
-from liaisons.chains.loops import PREAMBLE
+from liaisons.chains.loops import preamble
 from liaisons.fmu import coupled_state_count
 from liaisons.fmu.code import model_code
 from liaisons.fmu.dependencies import initial_dependencies, running_dependencies, states_that_jump
@@ -114,7 +114,8 @@ def compiled(codes: Mapping[str, Code], folder: Path, *flags: str) -> c.CDLL:
         f"int call_{name}(const double **a, double **r, double *w) {{ return {name}(a, r, NULL, w, 0); }}"
         for name in codes
     ]
-    texts = ["#include <math.h>", "#include <stddef.h>", PREAMBLE, *(code.text for code in codes.values()), *calls]
+    functions = [preamble(codes.values()), *(code.text for code in codes.values())]
+    texts = ["#include <math.h>", "#include <stddef.h>", *functions, *calls]
     (folder / "loops.c").write_text("\n".join([*texts, ""]))
     common = ["-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared"]  # as FMUs are
     command = [*compiler, *common, *WARNINGS, *flags, "loops.c", "-o", "loops.so", "-lm"]
@@ -174,7 +175,7 @@ def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
     codes = loops_of(model, adjoint=True)
     assert all(code.reals == 0 for code in codes.values())
     assert codes["derivatives"].text.count("i < ") == 1
-    assert len(PREAMBLE) + len(codes["derivatives"].text) < 20_000
+    assert len(preamble(codes.values())) + len(codes["derivatives"].text) < 20_000
 
 
 def test_sines_are_calculated_once_a_link() -> None:

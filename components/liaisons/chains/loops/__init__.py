@@ -16,13 +16,13 @@ from typing import final
 
 import casadi as ca
 
-from liaisons.chains.loops.writing import PREAMBLE, loops_code
+from liaisons.chains.loops.writing import loops_code, preamble
 from liaisons.chains.row_derivatives import forward, reverse
 from liaisons.chains.row_functions import row_function
 from liaisons.chains.rows import RowProgram, leading_results
 from liaisons.mechanics import SIGNATURES, Code
 
-__all__ = ["PREAMBLE", "ChainLoops", "loops_code"]
+__all__ = ["ChainLoops", "loops_code", "preamble"]
 
 
 @final
@@ -41,10 +41,6 @@ class ChainLoops:
     def links(self) -> int:
         return max(program.n for program in self.programs)
 
-    @property
-    def preamble(self) -> str:
-        return PREAMBLE
-
     def code(self, coupled: int, differentiated: Iterable[str], *, adjoint: bool) -> Mapping[str, Code]:
         by_name = {program.name: program for program in self.programs}
         by_name["calculate"] = replace(by_name.pop("outputs"), name="calculate")
@@ -54,6 +50,9 @@ class ChainLoops:
                 program = derivative(by_name[SIGNATURES[name].member])
                 by_name[program.name] = program
         return {name: loops_code(program) for name, program in by_name.items()}
+
+    def preamble(self, functions: Iterable[Code]) -> str:
+        return preamble(functions)
 
     def functions(self, links: int) -> Mapping[str, ca.Function]:
         name_of = {name.removesuffix("_function"): name for name in SIGNATURES}

@@ -10,13 +10,14 @@ from liaisons.chains.rows import RowProgram
 from liaisons.expressions import OPERATIONS, Instruction, literal
 from liaisons.mechanics import Code
 
-PREAMBLE = """\
+_VECTORISED = """\
 #if defined __GNUC__ && !defined __clang__
 #define VECTORISED __attribute__((optimize("tree-vectorize", "vect-cost-model=dynamic")))
 #else
 #define VECTORISED
 #endif
-
+"""
+_SUMS = """
 enum { BLOCK = 256 }; /* terms of a sum that are calculated before they are added up */
 
 /* Several sums at once: one alone would wait for each of its additions. */
@@ -33,8 +34,14 @@ static inline VECTORISED double total(const double *terms, size_t count) {
 _LONGEST = 80  # characters of an expression without a name
 
 
+def preamble(functions: Iterable[Code]) -> str:
+    """C that has to stand before functions; that of sums where there are any, since clang warns of what is unused."""
+    sums = any("total(" in function.text for function in functions)
+    return _VECTORISED + (_SUMS if sums else "")
+
+
 def loops_code(program: RowProgram) -> Code:
-    """C function of a program; :data:`PREAMBLE` has to stand before it."""
+    """C function of a program; the :func:`preamble` has to stand before it."""
     writer = _Writer(LoopPlans(program))
     lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop_statements(index)]
     for target, number in writer.plans.ends:
