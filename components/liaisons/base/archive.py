@@ -9,7 +9,7 @@ import stat
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO, final
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
@@ -77,7 +77,7 @@ def file_identity(path: Path) -> tuple[int, ...]:
 
 
 @final
-class Archive(AbstractContextManager["Archive", None]):
+class Archive:
     """An open archive, a context manager.
 
     :ivar size: of its files in bytes, according to the directory.
@@ -94,6 +94,9 @@ class Archive(AbstractContextManager["Archive", None]):
             if self.size > unpacked_limit():
                 raise size_error(str(path), self.size)
             self._stack = stack.pop_all()
+
+    def __enter__(self) -> Archive:
+        return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()

@@ -1,8 +1,5 @@
 """Types of arrays, indices, and blocks of columns."""
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +7,9 @@ Floats = NDArray[np.float64]
 """An array of real numbers, of any shape."""
 
 
-as_indices: Callable[[object], NDArray[np.intp]] = partial(np.array, dtype=np.intp)
-"""Integers as an array of indices."""
+def as_indices(integers: object) -> NDArray[np.intp]:
+    """Integers as an array of indices."""
+    return np.array(integers, dtype=np.intp)
 
 
 def lane_blocks(rows: Floats, width: int) -> Floats:
