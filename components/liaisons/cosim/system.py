@@ -18,7 +18,7 @@ from liaisons.cosim.structure.components import Components, Port, SystemComponen
 from liaisons.cosim.structure.connections import Connection, scalar_connections
 from liaisons.cosim.structure.document import Diagram, FmuTarget, SystemDocument, fmu_file, services
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation, refuse_unknown
+from liaisons.cosim.structure.simulation import Settings, Simulation, checked_simulation
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, InvalidValueError, LiaisonsError, SimulationError, suggestion
 from liaisons.fmu_files import DefaultExperiment, SampledFunction
@@ -292,7 +292,7 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        refuse_unknown("System.simulate", settings)
+        _refuse_unknown("System.simulate", settings)
         simulation = checked_simulation(self.document, stop_time, step_size, **settings)
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
@@ -318,7 +318,7 @@ class System:
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
         _refuse_run_options(settings)
-        refuse_unknown("System.start", settings)
+        _refuse_unknown("System.start", settings)
         return start_run(checked_simulation(self.document, stop_time, step_size, endless=True, **settings))
 
     @property
@@ -410,6 +410,13 @@ class System:
         """
         form = {"backend": backend, "platforms": platforms, "fmi": fmi, "arrays": arrays}
         return services().flatten(self, output, components=components, **form)
+
+
+def _refuse_unknown(method: str, settings: Settings) -> None:
+    """Raise a TypeError for a keyword of a method that is not a setting, in the words of Python."""
+    for name in settings:
+        if name not in Settings.__annotations__:
+            raise TypeError(f"{method}() got an unexpected keyword argument {name!r}")
 
 
 def _refuse_run_options(settings: Any) -> None:

@@ -73,7 +73,7 @@ def test_what_is_no_setting_is_refused_by_name(system: System, method: str, name
 
 
 def test_what_is_no_setting_of_a_document_is_refused_by_name(system: System) -> None:
-    with pytest.raises(TypeError, match="unexpected keyword argument 'tolerence'"):
+    with pytest.raises(TypeError, match=r"checked_simulation\(\) got an unexpected keyword argument 'tolerence'"):
         checked_simulation(system.document, 1.0, 0.1, tolerence=1e-9)  # type: ignore[call-arg]
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import repeat
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, TypedDict, Unpack, final
+from typing import Any, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -214,13 +214,6 @@ class Simulation:
         return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
-def refuse_unknown(function: str, settings: Mapping[str, object]) -> None:
-    """Raise a TypeError for a keyword of a function that is not a setting."""
-    for name in settings:
-        if name not in Settings.__annotations__:
-            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
-
-
 def checked_simulation(
     document: SystemDocument,
     stop_time: float | None = None,
@@ -228,7 +221,13 @@ def checked_simulation(
     *,
     also: Iterable[str] = (),
     endless: bool = False,
-    **settings: Unpack[Settings],
+    start_time: float | None = None,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
+    record: str | Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
 ) -> Simulation:
     """Simulation of a system, with checked and complete settings, which :meth:`liaisons.System.simulate` describes.
 
@@ -238,14 +237,15 @@ def checked_simulation(
     :param endless: whether a simulation without a stop time has no end, as that of a run step by step.
     :raises SimulationError: for a bad setting.
     """
-    refuse_unknown("checked_simulation", settings)
-    parts, single = document.filled().parts, document.single
-    recorded = _recorded_variables(document, settings.get("record"), also)
-    points = _communication_points(document, stop_time, step_size, settings, len(recorded), endless=endless)
-    tolerance, error_tolerance = settings.get("tolerance"), settings.get("error_tolerance")
+    parts, single, adaptive = document.filled().parts, document.single, error_tolerance is not None
+    recorded = _recorded_variables(document, record, also)
+    if times is None:
+        span = start_time, stop_time, step_size
+        points = _communication_points(document, *span, len(recorded), adaptive=adaptive, endless=endless)
+    else:
+        points = _checked_times(times, start_time or None, stop_time, step_size, adaptive=adaptive)
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    inputs = settings.get("inputs")
     driving = [] if inputs is None else drives(document, inputs, points[0])
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
@@ -259,21 +259,21 @@ def checked_simulation(
         driven += drive.inputs
     graph = checks.ConnectionGraph(parts, connections, driven)
     with collected_warnings() as warned:
-        coupling = checks.choose_coupling(graph, settings.get("coupling"))
-        checks.check_signals(connections, coupling)
-        parts = checks.prepare_components(graph, coupling)
+        chosen = checks.choose_coupling(graph, coupling)
+        checks.check_signals(connections, chosen)
+        parts = checks.prepare_components(graph, chosen)
         some = points[:2] if isinstance(points, EndlessTimes) else points
-        checks.check_steps(parts, graph, some, coupling, adaptive=error_tolerance is not None)
+        checks.check_steps(parts, graph, some, chosen, adaptive=adaptive)
         checks.check_input_sources(parts, graph)
-    fixed = step_size or document.experiment.step_size or settings.get("times") is not None or error_tolerance
-    adapts = not (fixed or single or endless or impulses) and coupling in checks.ITERATING
+    fixed = step_size or document.experiment.step_size or times is not None or adaptive
+    adapts = not (fixed or single or endless or impulses) and chosen in checks.ITERATING
     return Simulation(
         replace(document, parts=parts, connections=connections),
         driving,
         recorded,
         points,
         tolerance,
-        coupling,
+        chosen,
         error_tolerance,
         graph.strong_components,
         graph.cyclic,
@@ -285,22 +285,20 @@ def checked_simulation(
 
 def _communication_points(
     document: SystemDocument,
+    start: float | None,
     stop: float | None,
     step: float | None,
-    settings: Settings,
     signals: int,
     *,
+    adaptive: bool,
     endless: bool,
 ) -> Sequence[float]:
-    """Communication points [s], from the settings, else from the default experiments.
+    """Communication points at equal distances [s], from the settings, else from the default experiments.
 
     With steps of adapted size these are the start, the end of the first step, and the stop.
 
     :param signals: number of recorded signals.
     """
-    start, adaptive = settings.get("start_time"), settings.get("error_tolerance") is not None
-    if (times := settings.get("times")) is not None:
-        return _checked_times(times, start or None, stop, step, adaptive=adaptive)
     first, single, own = next(iter(document.parts.values())).fmu, document.single, document.experiment
     usual = first.experiment if single else document.common_experiment
     endless = endless and stop is None
