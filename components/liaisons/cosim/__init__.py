@@ -46,7 +46,7 @@ from liaisons.fmu_files import (
 from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
-    from liaisons.cosim.coupling.strong_component import Polynomial
+    from liaisons.cosim.coupling.strong_component import Polynomial, interpolation_to_end
     from liaisons.cosim.instances.fmi2 import Instance2
     from liaisons.cosim.instances.fmi3 import Instance3
     from liaisons.cosim.running.linearization import Linearization, LinearizationMethod
@@ -103,6 +103,7 @@ __all__ = [
     "experiment_problems",
     "extract_fmus",
     "friction_variables",
+    "interpolation_to_end",
     "make_instance",
     "read_description",
     "read_result",
@@ -119,7 +120,7 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "coupling.strong_component": ["Polynomial"],
+        "coupling.strong_component": ["Polynomial", "interpolation_to_end"],
         "instances.fmi2": ["Instance2"],
         "instances.fmi3": ["Instance3"],
         "running.linearization": ["Linearization", "LinearizationMethod"],

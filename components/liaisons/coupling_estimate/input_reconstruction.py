@@ -9,7 +9,16 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim import Call, Fmu, Kernel, Polynomial, Port, VariableReference, contact_variables
+from liaisons.cosim import (
+    Call,
+    Fmu,
+    Kernel,
+    Polynomial,
+    Port,
+    VariableReference,
+    contact_variables,
+    interpolation_to_end,
+)
 from liaisons.coupling_estimate.contacts import ContactMechanism
 from liaisons.coupling_estimate.estimate import Estimate, InputReconstruction, Shape
 
@@ -136,7 +145,7 @@ class _PolynomialTable:
         simulation, part = self.kernel.simulation, self.kernel.simulation.parts[target[0]]
         if target[0] in simulation.chosen_reconstructions or not part.approximation.takes_end_values:
             return "as set"
-        return "port" if is_port and Port(part, target[1]).motion_and_order()[0] else "line"
+        return interpolation_to_end(Port(part, target[1]), is_fed_by_port=is_port)
 
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
         part, feeds = self.kernel.simulation.parts[target[0]], self.kernel.simulation.feeds

@@ -72,6 +72,11 @@ _ERROR_ORDERS: Mapping[Polynomial, int] = {"as set": 1, "mean": 2, "line": 2, "p
 """Order in H of the error of each."""
 
 
+def interpolation_to_end(input_: Port, *, is_fed_by_port: bool) -> Polynomial:
+    """Polynomial of an input that an FMU interpolates by itself, from values at both ends of a step."""
+    return "port" if is_fed_by_port and input_.motion_and_order()[0] else "line"
+
+
 @final
 class Node:
     """One FMU in a coupled step.
@@ -156,8 +161,8 @@ class Node:
         if interface == "mean value":
             return "mean"
         is_port = len(data) == 3
-        if interface == "end value":  # the FMU interpolates itself
-            return "port" if is_port and Port(self.part, self.inputs[k].name).motion_and_order()[0] else "line"
+        if interface == "end value":
+            return interpolation_to_end(Port(self.part, self.inputs[k].name), is_fed_by_port=is_port)
         if not self.part.approximation.takes_every_order or len(data) == 1:
             return "line"
         return "port" if is_port else "slopes" if signals.references[data[0]][0] in signals.sloped else "points"
