@@ -36,7 +36,7 @@ def expressions(equations: Equations) -> dict[str, ca.SX]:
     for i, s in enumerate(m.actives):
         found |= {f"{s.name}_force": equations.operator_forces[i]}
         found |= {f"{s.name}_power": equations.operator_forces[i] * m.active.s_dot[i]}
-    for name, position in equations.points.items():
+    for name, position in equations.applied.points.items():
         found |= {name: position, f"{name}_dot": m.dot(position), f"{name}_ddot": m.dot(m.dot(position))}
     return found | {item.name: getattr(m, item.name) for item in m.outputs}
 

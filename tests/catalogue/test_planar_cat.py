@@ -22,7 +22,7 @@ def test_phi_is_cyclic_and_x_k_vanishes() -> None:
     equations = equations_of(PlanarCat)
     for expression in (equations.lagrangian, equations.effective_mass, equations.momentum_rates):
         assert not ca.depends_on(expression, equations.mechanism.phi)
-    forces = ca.vertcat(equations.drives, equations.loads)
+    forces = ca.vertcat(equations.applied.drives, equations.applied.loads)
     free = ca.substitute(equations.momentum_rates, forces, ca.SX.zeros(forces.shape))
     assert free[0].is_zero()
     assert free[2].is_zero()

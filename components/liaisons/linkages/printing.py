@@ -38,7 +38,7 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     recursion = Recursion(m, share)
     momenta = [f"p_{rate}".removesuffix("_dot") for rate in ca.vertsplit(m.free.q_dot)]
     on_free = equations.applied_forces[: m.free.q_dot.shape[0], 0]
-    unloaded = at_zero(on_free, equations.point_loads)
+    unloaded = at_zero(on_free, equations.applied.point_loads)
     slope, applied = recursion.lagrangian_gradient, unloaded + elastic_forces(m)[0]
     return (
         *rows,

@@ -24,6 +24,11 @@ class AppliedForces:
     on_free: ca.SX  # Q (f,)
     on_active: ca.SX  # Q_s (a,)
 
+    @property
+    def outer(self) -> ca.SX:
+        """Symbols of drives, loads, and loads at points, a column."""
+        return ca.vertcat(self.drives, self.loads, self.point_loads)
+
     def power(self, operator_forces: ca.SX) -> ca.SX:
         """Power through all ports: Σ λ σ̇ of the operators (M eq. 28), drives and loads.
 

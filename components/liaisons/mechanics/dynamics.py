@@ -22,8 +22,8 @@ class Dynamics:
 
     momenta: ca.SX  # ∂L/∂ẋ (f,)
     inertia: Inertia  # A
-    velocities: ca.SX  # A⁻¹ (p − b), or by Newton's method (f,)
-    convergence: ca.SX  # what must stay > 0 if they are right
+    velocities: ca.SX  # A⁻¹ (p − b), or by Newton's method; they may violate constraints (f,) (M eq. 36)
+    convergence: ca.SX  # what must stay > 0 if they are right; (0,) where L is quadratic in ẋ
     lagrangian_gradient: ca.SX  # Kᵀ ∂L/∂x (f,)
     bias: ca.SX  # A ẍ = bias + Q (f,)
     forward: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]

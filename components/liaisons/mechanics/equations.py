@@ -44,7 +44,6 @@ from liaisons.mechanics.constraints import (
 )
 from liaisons.mechanics.dynamics import Dynamics, dynamics_of
 from liaisons.mechanics.friction import Dissipation
-from liaisons.mechanics.inertia import Inertia
 
 QUANTITIES = (
     "mass_matrix",
@@ -91,58 +90,18 @@ class Equations:
     @property
     def symbols(self) -> dict[str, ca.SX]:
         """Symbols of the mechanism, drives and loads, by name."""
-        forces = ca.vertsplit(ca.vertcat(self.drives, self.loads, self.point_loads))
+        forces = ca.vertsplit(self.applied.outer)
         return self.mechanism.symbols | {str(symbol): symbol for symbol in forces}
-
-    @property
-    def drives(self) -> ca.SX:
-        """Symbols of the generalised forces q_force on the coordinates."""
-        return self.applied.drives
-
-    @property
-    def loads(self) -> ca.SX:
-        """Symbols of the loads q_load on the coordinates."""
-        return self.applied.loads
-
-    @property
-    def point_loads(self) -> ca.SX:
-        """Symbols of the loads P_x_load at points (number of point components,)."""
-        return self.applied.point_loads
-
-    @property
-    def points(self) -> dict[str, ca.SX]:
-        """Components of the points by name, such as ``"bob_x"``."""
-        return self.applied.points
-
-    @property
-    def friction(self) -> Dissipation:
-        """Friction by Rayleigh's dissipation function."""
-        return self.applied.friction
-
-    @property
-    def inertia(self) -> Inertia:
-        """Mass matrix A, and how it is inverted."""
-        return self.dynamics.inertia
 
     @property
     def mass_matrix(self) -> ca.SX:
         """Mass matrix A (f, f)."""
-        return self.inertia.matrix
+        return self.dynamics.inertia.matrix
 
     @property
     def momenta(self) -> ca.SX:
         """Momenta p = ∂L/∂ẋ (f,) (K eq. 78, M eq. 10)."""
         return self.dynamics.momenta
-
-    @property
-    def unconstrained_velocities(self) -> ca.SX:
-        """Velocities A⁻¹ (p − b), which may violate constraints (f,) (M eq. 36)."""
-        return self.dynamics.velocities
-
-    @property
-    def convergence(self) -> ca.SX:
-        """What must stay > 0 if velocities belong to momenta (f,); (0,) where L is quadratic in ẋ."""
-        return self.dynamics.convergence
 
     @cached_property
     def forces(self) -> ca.SX:
@@ -189,7 +148,7 @@ class Equations:
     def independence(self) -> ca.SX:
         """Independence of each constraint from the others; near 0 they lose rank (c,)."""
         C = self.constraints
-        return self.inertia.independence(C.matrix, C.squares) if C.matrix.shape[0] else ca.SX(0, 1)
+        return self.dynamics.inertia.independence(C.matrix, C.squares) if C.matrix.shape[0] else ca.SX(0, 1)
 
     @cached_property
     def residuals_by_rounding(self) -> ca.SX:
@@ -199,7 +158,7 @@ class Equations:
     @cached_property
     def projection(self) -> ca.SX | None:
         """State (x, p) projected onto constraints and unit quaternions; None where there are none."""
-        return projection(self.mechanism, self.inertia, self.unconstrained_velocities, self.constraints)
+        return projection(self.mechanism, self.dynamics.inertia, self.dynamics.velocities, self.constraints)
 
     @cached_property
     def given_rates(self) -> ca.SX:
@@ -209,8 +168,8 @@ class Equations:
     @cached_property
     def start_momenta(self) -> ca.SX:
         """Momenta ∂L/∂ẋ at rates on the constraints, of which some are given (f,)."""
-        m, loose = self.mechanism, self.unconstrained_velocities
-        return consistent_momenta(m, self.inertia, loose, self.constraints, self.given_rates)
+        m, loose = self.mechanism, self.dynamics.velocities
+        return consistent_momenta(m, self.dynamics.inertia, loose, self.constraints, self.given_rates)
 
     @property
     def internal_rates(self) -> ca.SX:

@@ -206,7 +206,7 @@ def _output_expressions(equations: Equations, layout: Layout, numbers: Mapping[s
     """Expressions of the output variables by name, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
     forces = equations.operator_forces, m.active.s_dot
-    points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
+    points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.applied.points.items()}
     energies = equations.kinetic_energy, equations.potential_energy
     outputs = mechanical_outputs(m, layout, equations.model_rates, forces=forces, points=points, energies=energies)
     outputs |= contact_outputs(m, numbers["gap"], numbers["v"]) if numbers else {}
@@ -269,7 +269,8 @@ def _conditions(equations: Equations) -> dict[str, ca.SX]:
     conditions = {item.description: m.expression_of(item) for item in m.assertions}
     for q in m.coordinates:
         conditions |= domain_conditions(q, m.symbols[q.name])
-    for rate, p, distance in zip(*map(ca.vertsplit, (m.free.q_dot, m.free.p, equations.convergence)), strict=False):
+    convergence = equations.dynamics.convergence
+    for rate, p, distance in zip(*map(ca.vertsplit, (m.free.q_dot, m.free.p, convergence)), strict=False):
         conditions[f"{rate} must follow from {p} by Newton's method, in its {CHOSEN + FULL} steps"] = distance
     return conditions
 
@@ -294,7 +295,7 @@ def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     """Expressions that must be > 0 at the start alone, for consistency with constraints, by message."""
     conditions: dict[str, ca.SX] = {}
     m, constraints = equations.mechanism, equations.constraints
-    rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
+    rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.dynamics.velocities)
     for i, item in enumerate(m.all_constraints):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         conditions[text] = CONSISTENT - ca.fabs(constraints.residuals[i])

@@ -24,7 +24,7 @@ _TOGETHER = 3
 
 def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of a mechanism: Lagrangian, momenta, motion, constraints, contacts, operators' forces, outputs."""
-    m = equations.mechanism
+    m, applied, dynamics = equations.mechanism, equations.applied, equations.dynamics
     method = contact_method(m.contact_formulas)
     count, actives = len(m.coordinates), [s.name for s in m.actives]
     names, rates, momenta = (list(map(str, ca.vertsplit(x))) for x in (m.free.q, m.free.q_dot, m.free.p))
@@ -33,9 +33,9 @@ def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
     return (
         Equation("lagrangian", "L", equations.lagrangian),
         Equation("energy", "energy", equations.energy),
-        *dissipation_equation("friction", equations.friction.function),
+        *dissipation_equation("friction", applied.friction.function),
         *row_equations("momenta", momenta, m.free.frame @ equations.momenta),
-        *(() if equations.convergence.shape[0] else row_equations("rates", rates, equations.unconstrained_velocities)),
+        *(() if dynamics.convergence.shape[0] else row_equations("rates", rates, dynamics.velocities)),
         *row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
         *row_equations("motion", [suffixed_name(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
         *row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
@@ -43,7 +43,7 @@ def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
         *(method.equations(equations) if method else ()),
         *row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
-        *row_equations("points", equations.points, stack(equations.points.values())),
+        *row_equations("points", applied.points, stack(applied.points.values())),
         *(Equation("outputs", item.name, m.expression_of(item)) for item in m.outputs),
     )
 
@@ -99,9 +99,8 @@ def _solved_multipliers(equations: Equations) -> ca.SX | None:
 def _acceleration_equations(equations: Equations) -> tuple[Equation, ...]:
     """Equations of accelerations, and of A and h in A ẍ + h = 0, with symbols λ, without drives and loads."""
     m, A = equations.mechanism, equations.mass_matrix
-    alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
     C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[m.active.adapted :, 0])
-    forces = at_zero(equations.forces + C.T @ lambdas, alone)
+    forces = at_zero(equations.forces + C.T @ lambdas, equations.applied.outer)
     names = [q.name for q in m.coordinates]
     turns = [rate for orientation in m.orientations for rate in orientation.rates]
     accelerations = [suffixed_name(name, "_ddot") for name in names] + [suffixed_name(rate, "_dot") for rate in turns]

@@ -32,7 +32,7 @@ def motion_model(component: type[Mechanism]) -> list[str]:
     if component().layout().dimensions:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
     e = derive(component)
-    if e.convergence.shape[0]:
+    if e.dynamics.convergence.shape[0]:
         text = "Modelica text takes no Lagrangian that is not quadratic in the rates; import its FMU"
         raise ComponentError(f"{component.__name__}: {text}")
     m, section = e.mechanism, Section(Notation.from_component(component))
@@ -94,9 +94,9 @@ def _add_laws(e: Equations, section: Section) -> None:
 def _with_outer_forces(e: Equations, expression: ca.SX) -> ca.SX:
     """Return an expression with outer forces Q in place of drives and loads."""
     applied = [ca.SX.sym(f"Q_{q.name}") for q in e.mechanism.coordinates]
-    attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
+    attached = [-ca.SX.sym(f"Q_{name}") for name in e.applied.points]
     outside = ca.vertcat(*applied, *[0] * len(applied), *attached)
-    return ca.substitute(expression, ca.vertcat(e.drives, e.loads, e.point_loads), outside)
+    return ca.substitute(expression, e.applied.outer, outside)
 
 
 def _add_constraints(e: Equations, section: Section) -> None:

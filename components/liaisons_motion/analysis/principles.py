@@ -156,10 +156,10 @@ def vakonomic_equations(source: Source) -> Quantity:
     m, constraints = equations.mechanism, equations.constraints
     if ca.depends_on(constraints.matrix, m.free.q_dot):
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
-    C, velocities = constraints.matrix, equations.unconstrained_velocities
+    C, velocities = constraints.matrix, equations.dynamics.velocities
     residuals = ca.substitute(constraints.rate_residuals, m.free.q_dot, velocities)
     zero = ca.SX.zeros(velocities.shape)
-    correction, _ = equations.inertia.solve_constrained(C, zero, -residuals, constraints.squares)
+    correction, _ = equations.dynamics.inertia.solve_constrained(C, zero, -residuals, constraints.squares)
     H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
     field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, velocities + correction))
     return Quantity(equations, ca.vertcat(*field), conservative=True)
@@ -176,7 +176,7 @@ def gauss_function(source: Source) -> Quantity:
     """
     equations = equations_of(source)
     require_no_contacts(equations, "Gauss's function")
-    excess = equations.mechanism.free.q_ddot - equations.inertia.solve(equations.forces)
+    excess = equations.mechanism.free.q_ddot - equations.dynamics.inertia.solve(equations.forces)
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 

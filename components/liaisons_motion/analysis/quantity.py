@@ -184,8 +184,8 @@ def require_no_contacts(equations: Equations, purpose: str) -> None:
 
 def _applied_forces(equations: Equations) -> ca.SX:
     """Friction on free and active coordinates, drives and loads; a column."""
-    friction = equations.friction.forces_against(all_rates(equations))
-    return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
+    applied = equations.applied
+    return ca.vertcat(applied.friction.forces_against(all_rates(equations)), applied.outer)
 
 
 def require_conservative(equations: Equations, purpose: str, values: Values) -> None:

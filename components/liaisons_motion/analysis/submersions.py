@@ -40,14 +40,14 @@ def horizontal_lift(equations: Equations) -> ca.SX:
         raise ComponentError(f"{equations.name}: a connection needs a Lagrangian that is quadratic in the rates")
     C, D = _constraint_jacobians(equations)
     mixed = ca.jacobian(equations.momenta, equations.mechanism.active.s_dot)
-    free = -equations.inertia.solve(mixed)
+    free = -equations.dynamics.inertia.solve(mixed)
     return free if not C.shape[0] else free - _least_energy_velocity(equations, D + C @ free)
 
 
 def vertical_velocity(equations: Equations) -> ca.SX:
     """Velocity ẋ at momentum p while active coordinates rest: A⁻¹ (p - b), projected onto the constraints; (f,)."""
     free, C = equations.mechanism.free, _constraint_jacobians(equations)[0]
-    unconstrained = equations.inertia.solve(free.frame.T @ free.p - momenta_at_rest(equations))
+    unconstrained = equations.dynamics.inertia.solve(free.frame.T @ free.p - momenta_at_rest(equations))
     return unconstrained if not C.shape[0] else unconstrained - _least_energy_velocity(equations, C @ unconstrained)
 
 
@@ -88,6 +88,6 @@ def _constraint_jacobians(equations: Equations) -> tuple[ca.SX, ca.SX]:
 def _least_energy_velocity(equations: Equations, rates: ca.SX) -> ca.SX:
     """Velocities ẋ of least kinetic energy with C ẋ = ``rates``: A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates, column by column."""
     C, squares, free = _constraint_jacobians(equations)[0], equations.constraints.squares, equations.mechanism.free
-    zero = ca.SX.zeros(free.q_dot.shape)
-    solved = [equations.inertia.solve_constrained(C, zero, column, squares)[0] for column in ca.horzsplit(rates)]
+    A, zero = equations.dynamics.inertia, ca.SX.zeros(free.q_dot.shape)
+    solved = [A.solve_constrained(C, zero, column, squares)[0] for column in ca.horzsplit(rates)]
     return ca.horzcat(*solved)

@@ -46,7 +46,7 @@ class Independent:
         change = ca.substitute(m.dot(rates), m.free.q_ddot, derived.accelerations)
         impulses = ca.solve(derived.mass_matrix, ca.jacobian(rates, v).T)
         results = [derived.accelerations, ca.vertcat(m.left, m.right), rates, change, ca.jacobian(change, x), impulses]
-        rest = {str(f): (f, 0.0) for f in ca.vertsplit(ca.vertcat(derived.drives, derived.loads))}
+        rest = {str(f): (f, 0.0) for f in ca.vertsplit(ca.vertcat(derived.applied.drives, derived.applied.loads))}
         rest |= {name: (m.symbols[name], value) for name, value in numbers.items()}
         symbols, constants = zip(*rest.values(), strict=True)
         fixed = ca.substitute(results, [ca.vertcat(*symbols)], [ca.DM(constants)])

@@ -365,7 +365,7 @@ def test_energies_of_a_lagrangian_that_is_quadratic() -> None:
             return self.mass / 2 * self.dot(self.z) ** 2 - self.mass * 9.81 * self.z
 
     equations = derive(Ball)
-    assert equations.convergence.shape == (0, 1)
+    assert equations.dynamics.convergence.shape == (0, 1)
     assert assemble(Ball).condition_texts == ()
     assert equations.evaluate("kinetic_energy", z=1.5, z_dot=3.0) == pytest.approx(9.0, rel=1e-15)
     assert equations.evaluate("potential_energy", z=1.5, z_dot=3.0) == pytest.approx(2 * 9.81 * 1.5, rel=1e-15)
