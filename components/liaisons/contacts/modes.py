@@ -29,7 +29,7 @@ import numpy as np
 
 from liaisons.algebra import at_zero, jacobian, stack
 from liaisons.base.array_names import array_and_index
-from liaisons.base.contact_rules import MOST_CONTACTS
+from liaisons.base.contact_limits import MOST_CONTACTS
 from liaisons.contacts.forces import Compliance
 from liaisons.errors import ComponentError
 from liaisons.language import Layout, MechanicalComponent, Mechanism, Orientation, element

@@ -17,6 +17,7 @@ import numpy as np
 
 from liaisons.algebra import stack
 from liaisons.base.array_names import suffixed_name
+from liaisons.base.contact_limits import HEADER as CONTACT_LIMITS
 from liaisons.base.port_names import impulse_name, jump_name
 from liaisons.errors import BuildError
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts, state_outputs
@@ -58,10 +59,11 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     runtime = resources.files("liaisons.fmu") / "runtime"
     model_c, *c_files = source_names(fmi)
     files = (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)
+    paths = [*(runtime / name for name in files), CONTACT_LIMITS]
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: (runtime / name).read_bytes() for name in files},
+        **{path.name: path.read_bytes() for path in paths},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 

@@ -15,7 +15,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from liaisons.base.arrays import Floats, as_indices
-from liaisons.base.contact_rules import STILL
+from liaisons.base.contact_limits import STILL
 from liaisons.cosim import Kernel, contact_variables, friction_variables
 from liaisons.impacts.impulses import ImpulsivePort
 from liaisons.impacts.impulsive_fmus import ImpulsiveFmu, grown

@@ -20,7 +20,7 @@ from typing import final
 import numpy as np
 
 from liaisons.base.arrays import Floats
-from liaisons.base.contact_rules import ENERGY_GAIN, MOST_IMPACTS
+from liaisons.base.contact_limits import ENERGY_GAIN, MOST_IMPACTS
 from liaisons.base.logs import logger
 from liaisons.cosim import LEAST_IMPULSE, Kernel, Memory, contact_variables
 from liaisons.errors import RefusedError

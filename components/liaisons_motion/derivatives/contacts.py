@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.algebra import stack
+from liaisons.base.contact_limits import HEADER
 from liaisons_motion.right_hand_sides import RightHandSide, c_function
 
 Kind = IntEnum(
@@ -76,7 +77,7 @@ class Contacts:
         point = [*self._equations.c_arguments(packed=False), (self.flags, "flags")]
         maps = (c_function(name, point, [(value, "result")]) for name, value in self.states_after_events.items())
         functions_code = (line for function in maps for line in function)
-        head = [_runtime_text("complementarity.h"), self.entry_declarations()]
+        head = [HEADER.read_text("utf-8"), _runtime_text("complementarity.h"), self.entry_declarations()]
         return "\n".join([*head, *functions_code, packaged_c_file("contact_run")])
 
     # ---- expressions

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from liaisons.base.compiled_code import call_c_function, compiled_library
+from liaisons.base.contact_limits import HEADER
 
 Floats = NDArray[Any]
 TOLERANCE = 1e-13
@@ -44,6 +45,7 @@ def _choice() -> Any:
     """The code of an FMU, with a function that ctypes can call."""
     runtime = resources.files("liaisons.fmu") / "runtime"
     header, code = ((runtime / f"complementarity.{end}").read_text("utf-8") for end in "hc")
+    header = header.replace('#include "contact_limits.h"', HEADER.read_text("utf-8"))
     return compiled_library(code.replace('#include "complementarity.h"', header) + CHOICE, "-ffp-contract=off")
 
 

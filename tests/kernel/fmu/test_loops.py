@@ -202,8 +202,9 @@ def test_code_is_as_long_for_any_chain(model_of, numbers, longer, tmp_path: Path
     compiler = system_compiler()
     if compiler is not None:
         (tmp_path / "model.c").write_text(large)
-        runtime = Path(__file__).parents[3] / "components" / "liaisons" / "fmu" / "runtime"
-        flags = ["-std=c99", *WARNINGS[:4], f"-I{runtime}", "-fsyntax-only"]
+        kernel = Path(__file__).parents[3] / "components" / "liaisons"
+        headers = [f"-I{kernel / folder}" for folder in ("fmu/runtime", "base")]
+        flags = ["-std=c99", *WARNINGS[:4], *headers, "-fsyntax-only"]
         subprocess.run([*compiler, *flags, tmp_path / "model.c"], check=True)
 
 

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-enum { MOST_CONTACTS = 64 };
+#include "contact_limits.h"
 
 enum { OPEN, CLOSED };                           /* modes of a gap; */
 enum { BACKWARD = -1, STICKS = 0, FORWARD = 1 }; /* of dry friction */

@@ -18,18 +18,14 @@
 typedef struct { CONTACT_NUMBERS(COLUMN) } ContactNumbers;
 #undef COLUMN
 
-enum { MOST_IMPACTS = 1000 }; /* at one instant */
-
-/* Parts of the scale of a position, a rate, an acceleration that are rounding errors; of a position, what is an overlap,
- * and how far a closed gap may drift. */
-static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, DRIFT = 1e-3;
+/* Parts of the scale of a position and of an acceleration that are rounding errors; of a position, what is an overlap, and how
+ * far a closed gap may drift. */
+static const double TOUCHING = 1e-12, BALANCED = 1e-13, OVERLAP = 1e-9, DRIFT = 1e-3;
 /* Bounces that are lower than this part of the scale are not followed; of what was closed.  Impacts count after a fall
  * from higher than this part of it: bounces that are summed, which are lower for every importer, do not. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 /* What sticks stays so where its rate is off by this part of its scale. */
 static const double STICKING = 1e-9;
-/* Energy that an impact may gain by rounding, in parts of what its impulses exchange. */
-static const double ENERGY_GAIN = 1e-9;
 
 /* How far a gap may be from 0 by rounding of positions, and of the time at which others move. */
 static inline double contact_rounding(const ContactNumbers *c, size_t i, double time) {
