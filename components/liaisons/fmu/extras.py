@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from functools import cache
+from pathlib import Path
 
 from liaisons.base.published import own_distribution, registered
 from liaisons.fmu.layout import Fmi
@@ -53,7 +54,10 @@ def _members_of_others(model: Model, fmi: Fmi) -> Iterator[tuple[str, bytes | Ca
 
 @cache
 def _licence_text() -> bytes:
-    """Text of the licences of the parts of an FMU."""
-    distribution = own_distribution()
-    texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
-    return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()
+    """Text of the licences of the parts of an FMU; that of this package by its name, where the file is missing."""
+    ours = own_distribution().metadata["License-Expression"]
+    for file in own_distribution().files or ():
+        path = Path(str(file.locate()))
+        if file.name == "LICENSE" and path.is_file():
+            ours = path.read_text(encoding="utf-8")
+    return _LICENSES.format(ours=ours).encode()

@@ -19,8 +19,9 @@ from handmade import fall, pendulum
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without stubs
 from matplotlib.pyplot import imread
 
+from liaisons.base import distributions
 from liaisons.errors import ComponentError
-from liaisons.fmu import build, extra_members
+from liaisons.fmu import build, extra_members, extras
 from liaisons.fmu.extras import drawn_members
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
 from liaisons.mechanics import Model, assemble
@@ -318,3 +319,16 @@ def test_members_of_both_versions() -> None:
     assert {"documentation/index.html", "terminalsAndIcons/terminalsAndIcons.xml"} <= found.keys()
     assert b"MIT License" in found["documentation/licenses/license.txt"]
     assert extra_members(pendulum(), "3") == found
+
+
+def test_a_tree_without_its_licence_names_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As a folder that was copied without the file: FMUs are built, and say which licence it is."""
+    (tmp_path / "pyproject.toml").write_bytes((Path(__file__).parents[3] / "pyproject.toml").read_bytes())
+    monkeypatch.setattr(distributions, "_COMPONENTS", tmp_path / "components")
+    monkeypatch.setattr(extras, "own_distribution", distributions.clone)
+    extras._licence_text.cache_clear()
+    try:
+        text = extra_members(pendulum(), "3")["documentation/licenses/license.txt"].decode()
+    finally:
+        extras._licence_text.cache_clear()
+    assert "beside the model in sources:\n\nMIT\n\nThe headers" in text
