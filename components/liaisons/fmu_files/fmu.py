@@ -68,6 +68,7 @@ class Fmu:
     :param takes_intermediate_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
     :param output_derivative_order: highest order of output derivatives that can be read.
     :param unpacked: size of its files in bytes.
+    :param nominals: nominal values by name, where the file says one; else they are 1.
     :param function: Python function that is called instead of a library; None: the FMU has a library.
     """
 
@@ -94,6 +95,7 @@ class Fmu:
     log_categories: tuple[str, ...] = ()
     experiment: DefaultExperiment = DefaultExperiment()
     units: Mapping[str, UnitDefinition] = field(default_factory=dict)
+    nominals: Mapping[str, float] = field(default_factory=dict, repr=False)
     _outputs: Table = field(default_factory=dict, repr=False)
     _initial: Table = field(default_factory=dict, repr=False)
     function: object = None
@@ -335,6 +337,7 @@ def _make_fmu(path: Path, archive: Archive, description: Description, prefers: s
         experiment=_default_experiment(description.experiment),
         variables=description.variables,
         units=description.units,
+        nominals=description.nominals,
         terminals=read_terminals(archive, description.variables),
         _outputs=description.outputs,
         _initial=initial,

@@ -109,6 +109,7 @@ class Description:
     :ivar continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :ivar exact: outputs with ``initial="exact"``.
     :ivar fixed_inputs: inputs that cannot be set in intermediate update mode.
+    :ivar nominals: nominal values by name, where the file says one.
     :ivar attributes: attributes of each variable and of its type's element, by name; ``tag`` is the type.
     :ivar items: values of the items of enumeration types, by the name of the type, then of the item.
     """
@@ -127,6 +128,7 @@ class Description:
         self.initial_unknowns: Table = {}
         self.exact: set[int] = set()
         self.fixed_inputs: set[int] = set()
+        self.nominals: dict[str, float] = {}
         self.attributes: dict[str, Attributes] = {}
         self.items: dict[str, dict[str, int]] = {}
         self._unit: Attributes = {}
@@ -246,6 +248,9 @@ class Description:
             raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which exceeds 32 bits")
         if self._keeps_attributes:
             self.attributes[attributes["name"]] = {"causality": "local", **typed, **attributes, "tag": tag}
+            self._count_memory(_BYTES_OF_VARIABLE)
+        if "nominal" in typed:
+            self.nominals[attributes["name"]] = float(typed["nominal"])
             self._count_memory(_BYTES_OF_VARIABLE)
         causality = attributes.get("causality", "local")
         initial, start = attributes.get("initial"), typed.get("start")

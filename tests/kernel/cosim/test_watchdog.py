@@ -65,6 +65,15 @@ def test_tolerances_allow_what_they_leave(component: FmuPaths) -> None:
         assert np.max(np.abs(result["energy_balance"])) > 1e-14
 
 
+def test_what_rates_that_are_rounding_have_of_energy_is_not_told(component: FmuPaths, tmp_path: Path) -> None:
+    """E = 1/2 K x_0², at rest 1e-28 J, of a nominal energy of 1/2 m (1 m/s)², of which rates of 1e-12 m/s are 1e-24."""
+    oscillator = lying(component("Oscillator"), tmp_path / "Oscillator.fmu", "energy_balance", "kinetic_energy")
+    assert simulate(oscillator, x_0=1e-14, **RUN).warnings == ()
+    (warning,) = simulate(oscillator, x_0=1e-10, **RUN).warnings
+    assert warning.startswith("Oscillator: the energy account does not close: energy_balance = ")
+    assert "where 5e-25 J are allowed" in warning
+
+
 def test_symplectic_steps_may_swing(component: FmuPaths) -> None:
     result = simulate(component("Pendulum"), stop_time=20.0, step_size=0.25, theta_0=2.0, symplectic_steps=1)
     assert 1e-6 < np.max(np.abs(result["energy_balance"])) / 10 < 1e-2

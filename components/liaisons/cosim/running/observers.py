@@ -50,6 +50,9 @@ are chosen whatever the tolerance, and those of the stiff solver, which looks at
 _CHOOSE_STEPS = {"symplectic_steps", "stiff_solver"}
 _ROUNDING = 1e-6
 """Smallest part that an account may be off by: rounding in sums and long runs."""
+_RESTING = 1e-24
+"""Part of the nominal energy, that of nominal rates, that an account may be off by: 1e-12 of a rate is rounding, with
+which bodies at rest may move, and of the energies of such rates every part may be."""
 _MOST = 0.5
 """Largest part that it may be off by, which tolerances of 1e-2 reach."""
 _ENERGIES = ("kinetic_energy", "potential_energy", "work", "dissipated")
@@ -121,7 +124,8 @@ class Watchdog:
         :param rows: values of the bus at the times [s], shape (points, width).
         """
         warned: set[str] = set()
-        for ((owner, name), *_), (balance, *energies) in zip(self._accounts, self._columns, strict=True):
+        for account, (balance, *energies) in zip(self._accounts, self._columns, strict=True):
+            (owner, name), (_, work) = account[0], account[1 + _ENERGIES.index("work")]
             part = self._simulation.parts[owner]
             steps = max(len(times), _STEPS) * (_EXCHANGE if part.fmu.is_model_exchange else 1.0)
             least = _UNCONTROLLED if _CHOOSE_STEPS & part.starts.keys() else _ROUNDING
@@ -130,7 +134,8 @@ class Watchdog:
             worst = int(np.argmax(off))
             if off[worst] <= margin * np.abs(rows[worst, energies]).sum() or owner in warned:
                 continue  # most runs: the other points need not be looked at
-            allowed = margin * float(np.nanmax(np.abs(rows[:, energies]).sum(axis=1)))
+            sizes = np.abs(rows[:, energies]).sum(axis=1)
+            allowed = max(margin * float(np.nanmax(sizes)), _RESTING * part.fmu.nominals.get(work, 1.0))
             if off[worst] > allowed:
                 warned.add(owner)
                 words = "%s: the energy account does not close: %s = %.3g J at t = %.6g s, where %.3g J are allowed, "
