@@ -22,7 +22,8 @@ from scipy.interpolate import BPoly
 
 from liaisons import Signal
 from liaisons.base.knots import knots
-from liaisons.cosim import Result, simulate
+from liaisons.cosim import Coupling, Result, simulate
+from liaisons.errors import SimulationError
 
 GRAVITY, END, THETA = 9.81, 1.0, 1.0
 TOLD = 1e-4
@@ -284,3 +285,38 @@ def test_errors_of_a_few_sources_in_model_exchange(
     """Where a break lies, the solver begins anew with the limits from the right."""
     only = exchange_only(component(f"{kind}Pendulum"), tmp_path)
     _check(lambda name: only if name == "Pendulum" else component(name), caplog, [case[0]], [case[1]])
+
+
+def _from_break(*coefficients: float, before: float = 0.0) -> Signal:
+    """A constant until 0.437 s, then a polynomial in the time since."""
+    at = 0.437
+    after = _polynomial(at, *coefficients)
+    return Signal(lambda t: after(t) if t >= at else (before, 0.0, 0.0), breaks=[at])
+
+
+@pytest.mark.parametrize("coupling", ["implicit", "waveform"])
+def test_a_ball_stays_behind_a_table_that_drops(component: FmuPaths, coupling: Coupling) -> None:
+    """It falls freely, h = -1/2 g τ², however the rate jumps: a quintic across the break would throw it up before."""
+    system, drop = wired(ball=(component("BouncingBall"), {"height_0": 0.0, "bounce": 0.5})), _from_break(0.0, -1.0)
+    run = system.simulate(0.5, 0.05, tolerance=1e-10, coupling=coupling, inputs={"ball.table": drop})
+    fallen = np.maximum(run.time - 0.437, 0)
+    np.testing.assert_allclose(run["ball.height"], -GRAVITY / 2 * fallen**2, rtol=0, atol=1e-9)  # of tolerance 1e-10
+    assert run["ball.gap_impacts"][-1] == 0
+
+
+@pytest.mark.parametrize("coupling", ["implicit", "waveform"])
+def test_a_table_does_not_jump_through_the_ball(component: FmuPaths, coupling: Coupling) -> None:
+    system, jump = wired(ball=(component("BouncingBall"), {"height_0": 0.0})), _from_break(0.1)
+    with pytest.raises(SimulationError, match=r"gap = -0\.1 at t = 0\.437: bodies overlap"):
+        system.simulate(0.5, 0.05, coupling=coupling, inputs={"ball.table": jump})
+
+
+def test_nothing_is_lost_by_friction_in_a_jump(component: FmuPaths) -> None:
+    """A jump of 0.1 m in no time: the bob moves as without friction, which has no time to act."""
+    swing, ends = (component("Pendulum"), {"theta_0": THETA, "theta_dot_0": 2.0, "friction": 0.3}), list[float]()
+    for jump in (0.0, 0.1):
+        inputs = {"swing.length": _from_break(1.0 + jump, before=1.0)}
+        run = wired(swing=swing).simulate(0.437, 0.023, tolerance=1e-12, coupling="implicit", inputs=inputs)
+        assert np.max(np.abs(run["swing.energy_balance"])) < 1e-9  # of energies of 10 J
+        ends.append(float(run["swing.dissipated"][-1]))
+    assert ends[1] == pytest.approx(ends[0], abs=1e-9)
