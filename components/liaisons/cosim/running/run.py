@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -32,8 +33,10 @@ from liaisons.results import IncompleteError, Interrupted, Result
 if TYPE_CHECKING:
     from liaisons.cosim.running.linearization import Linearization
 
-_MOST_ROUNDS = 6
-"""Number of further runs that look for contacts at most; where bodies touch all the time, each takes longer."""
+_MOST_ROUNDS = 20
+"""Number of further runs that look for contacts at most; each at least halves the steps in question."""
+_MOST_STEPS = 64
+"""Number of steps that they make of one at most, on average: where bodies touch all the time, all are halved."""
 _LONGEST_BREAK_STEP = 1e-6
 """Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 
@@ -400,7 +403,11 @@ def _finish(run: Run, bar: AbstractContextManager[Callable[[float], None] | None
 
 
 def _with_contacts_found(
-    simulation: Simulation, run: Run, divisions: Vector | None = None, rounds: int = _MOST_ROUNDS
+    simulation: Simulation,
+    run: Run,
+    divisions: Vector | None = None,
+    rounds: int = _MOST_ROUNDS,
+    most: float = math.inf,
 ) -> tuple[Result, Vector]:
     """The result of a run, and the ends of its steps [s].
 
@@ -408,18 +415,20 @@ def _with_contacts_found(
 
     :param divisions: instants [s] by which steps have been divided already, and which are not in the result.
     :param rounds: number of further runs at most, after which a warning names what may be missed.
+    :param most: number of their steps at most.
     """
     divisions = np.empty(0) if divisions is None else divisions
     result = run.conclude_or_divide(divisions)
     if isinstance(result, Result):
         return result, run.instants
-    if rounds == 0:
+    most = min(most, _MOST_STEPS * len(run.instants))
+    if rounds == 0 or len(run.instants) + len(result) > most:
         return run.conclude(), run.instants
     finer = replace(simulation, times=np.union1d(simulation.times, result).tolist())
     with suppress(SimulationError), Run(finer) as again:
         again.start()
         again.finish()
-        return _with_contacts_found(finer, again, np.union1d(divisions, result), rounds - 1)
+        return _with_contacts_found(finer, again, np.union1d(divisions, result), rounds - 1, most)
     return run.conclude(), run.instants
 
 
