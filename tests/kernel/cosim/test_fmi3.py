@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 
 from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.instances.fmi3 import CoSimulation3
-from liaisons.errors import ConnectError, SimulationError
+from liaisons.errors import ConnectError, RefusedError, SimulationError
 from liaisons.fmu_files import Scalar
 from liaisons_tools.sweeps import sweep
 
@@ -158,7 +158,7 @@ def test_integers_are_connected_where_all_their_values_fit(row: Path) -> None:
 
 
 def test_other_types_reach_the_fmu(row: Path) -> None:
-    with pytest.raises(SimulationError, match=r"fmi3ExitInitializationMode returned Error: flag is set, count = -7"):
+    with pytest.raises(RefusedError, match=r"fmi3ExitInitializationMode returned Error: flag is set, count = -7"):
         simulate(row, flag=True, count=-7, label="a")
     with pytest.raises(SimulationError, match=r"label = two words$"):
         simulate(row, flag=True, label="two words")
