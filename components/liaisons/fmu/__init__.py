@@ -5,7 +5,7 @@ from liaisons.fmu.building import build
 from liaisons.fmu.calls import Call
 from liaisons.fmu.code import Core
 from liaisons.fmu.dependencies import coupled_state_count, energy_accounts
-from liaisons.fmu.description import model_description
+from liaisons.fmu.description import SELDOM_RUN, model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import first_reference, index_ranges, memory_index, start_rates, start_vectors
@@ -13,6 +13,7 @@ from liaisons.fmu.markup import document, element
 from liaisons.fmu.origin import is_of_catalogue
 
 __all__ = [
+    "SELDOM_RUN",
     "Call",
     "Core",
     "build",

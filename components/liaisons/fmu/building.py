@@ -28,7 +28,7 @@ from liaisons.base.published import registered
 from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
-from liaisons.fmu.description import model_description
+from liaisons.fmu.description import SELDOM_RUN, model_description
 from liaisons.fmu.extras import drawn_members, extra_members
 from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import compile_component, manifest_members
@@ -96,7 +96,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     paths = {target: f"binaries/{target.binaries_folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
-        paths[target]: partial(compile_library, code, target, cross=platforms == "all")
+        paths[target]: partial(compile_library, code, target, cross=platforms == "all", seldom_run=SELDOM_RUN)
         for target in (TARGETS if platforms == "all" else [host_target()])
     }
     if platforms == "wasm":

@@ -57,7 +57,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *c_files = source_names(fmi)
+    model_c, *c_files = source_names(model, fmi)
     files = (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)
     paths = [*(runtime / name for name in files), CONTACT_LIMITS]
     return {
@@ -638,7 +638,7 @@ def _fmi_header(name: str) -> bytes:
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
     """Text of buildDescription.xml."""
-    files = (line for name in source_names(fmi) for line in element("SourceFile", {"name": name}))
+    files = (line for name in source_names(model, fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)
     # FMI 2.0 took the file over without a version of its own.

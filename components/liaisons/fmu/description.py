@@ -50,21 +50,16 @@ Knowns = tuple[Sequence[Variable], csr_array | None]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
-    *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c"),
-    *("prescribed.c", "missing.c", "jumps.c", "step.c", "solver.c"),
-    *(
-        "symplectic.c",
-        "stiff.c",
-        "event_search.c",
-        "events.c",
-        "unilateral.c",
-        "singular.c",
-        "impulses.c",
-        "exchange.c",
-        "states.c",
-    ),
-    *("starts.c", "messages.c", "complementarity.c", "fmi_common.c"),
+    *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "missing.c", "jumps.c"),
+    *("step.c", "solver.c", "symplectic.c", "stiff.c", "singular.c", "impulses.c", "exchange.c", "states.c"),
+    *("starts.c", "messages.c", "fmi_common.c"),
 )
+SELDOM_RUN = (
+    *("instance.c", "variables.c", "derivatives.c", "missing.c", "jumps.c", "singular.c", "impulses.c", "exchange.c"),
+    *("states.c", "starts.c", "messages.c", "fmi_common.c", "no_contacts.c", "fmi2.c", "fmi3.c"),
+)
+"""Files of the runtime in which a step spends little."""
+_CONTACT_SOURCES = ("event_search.c", "events.c", "unilateral.c", "complementarity.c")
 
 # Capabilities of the back ends; others are false or 0.
 _BOTH = ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate")
@@ -96,9 +91,9 @@ LOG_CATEGORIES = {
 }
 
 
-def source_names(fmi: Fmi) -> tuple[str, ...]:
+def source_names(model: Model, fmi: Fmi) -> tuple[str, ...]:
     """Names of the C files that are compiled, model.c first."""
-    return (*_SOURCES, f"fmi{fmi}.c")
+    return (*_SOURCES, *(_CONTACT_SOURCES if model.contacts else ["no_contacts.c"]), f"fmi{fmi}.c")
 
 
 def model_description(
@@ -126,7 +121,7 @@ def model_description(
 def _root_children(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
     """Yield the lines of the root's children."""
     for kind, capabilities in _interfaces(model, fmi, backend).items():
-        files = chain.from_iterable(element("File", {"name": name}) for name in source_names("2"))
+        files = chain.from_iterable(element("File", {"name": name}) for name in source_names(model, "2"))
         sources = element("SourceFiles", {}, files) if (fmi, backend) == ("2", "native") else ()
         yield from element(kind, {"modelIdentifier": model.name, **capabilities}, sources)
     yield from _unit_definitions((*model.variables, *[TIME] * (fmi == "3")))

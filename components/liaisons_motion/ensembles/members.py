@@ -21,7 +21,7 @@ from liaisons.base.compiler import compile_library, host_target
 from liaisons.base.port_names import port_names
 from liaisons.composition import compose
 from liaisons.errors import SimulationError
-from liaisons.fmu import Core
+from liaisons.fmu import SELDOM_RUN, Core
 from liaisons.mechanics import Model
 from liaisons_motion.right_hand_sides import ContinuousModel
 
@@ -153,4 +153,5 @@ def _members_library(model: Model) -> tuple[ctypes.CDLL, Mapping[str, int]]:
 def _compiled_members(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
     """Loaded library of sources with ``members.c``, compiled once for equal models."""
     own = resources.files("liaisons_motion.ensembles").joinpath("members.c").read_bytes()
-    return loaded_library(compile_library({**dict(sources), "members.c": own}, host_target()))
+    files = {**dict(sources), "members.c": own}
+    return loaded_library(compile_library(files, host_target(), seldom_run=SELDOM_RUN))  # as in the FMU: compiled once

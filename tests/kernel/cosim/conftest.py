@@ -371,7 +371,7 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
 def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The test runs twice: communication steps by compiled code, and by Python."""
     if request.param == "Python":
-        monkeypatch.setattr(compiled, "step_library", lambda: None)
+        monkeypatch.setattr(compiled, "step_library", lambda **_: None)
 
 
 @pytest.fixture(scope="session")

@@ -128,7 +128,7 @@ def _points(loop: Loop) -> list[tuple[float | None, ...]]:
 def test_saved_points_are_those_of_a_list(language: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points that saved states share come back whatever has taken their places: the reference copies all of them."""
     if language == "Python":
-        monkeypatch.setattr(compiled, "step_library", lambda: None)
+        monkeypatch.setattr(compiled, "step_library", lambda **_: None)
     loop, random = _counting_loop(), np.random.default_rng(seed)
     saved: list[tuple[Any, list[tuple[float | None, ...]]]] = []
 

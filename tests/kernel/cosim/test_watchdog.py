@@ -83,7 +83,7 @@ def test_symplectic_steps_may_swing(component: FmuPaths) -> None:
 @pytest.mark.parametrize("way", ["compiled", "Python", "implicit", "adapted", "isolated"])
 def test_a_step_that_leaves_a_constraint_is_refused(bob: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
     if way == "Python":
-        monkeypatch.setattr(library, "step_library", lambda: None)
+        monkeypatch.setattr(library, "step_library", lambda **_: None)
     settings: dict[str, Any] = {"implicit": {"coupling": "implicit"}, "adapted": {"error_tolerance": 1e-6}}.get(way, {})
     system = System("one")
     system.add("bob", bob, isolated=way == "isolated", **HANGING)

@@ -21,9 +21,11 @@ from handmade import kick, pendulum
 
 from liaisons.base import compiler
 from liaisons.errors import BuildError
-from liaisons.fmu import archive, build
+from liaisons.fmu import SELDOM_RUN, archive, build
 from liaisons.fmu.code import source_files
 from liaisons.language import Experiment
+from liaisons.mechanics import assemble
+from liaisons.models import BouncingBall, Pendulum
 
 needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
 
@@ -106,6 +108,12 @@ def test_sources_compile_on_their_own(native_pendulum, tmp_path, capfd) -> None:
     assert capfd.readouterr().err == ""
 
 
+def test_code_of_contacts_is_compiled_where_there_are_some() -> None:
+    with_contacts, without = (source_files(assemble(c), "{}").keys() for c in (BouncingBall, Pendulum))
+    only = {"unilateral.c", "complementarity.c", "events.c", "event_search.c"}
+    assert (with_contacts - without, without - with_contacts) == (only, {"no_contacts.c"})
+
+
 def test_documentation(pendulum_fmu) -> None:
     page = members(pendulum_fmu)["documentation/index.html"].decode()
     for text in ("HandPendulum", "By hand.", "theta_force", "N.m", "&gt; 0", "input_reconstruction"):
@@ -121,6 +129,25 @@ def test_nothing_is_compiled_twice(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("liaisons.fmu.building.compile_library", lambda *_, **__: pytest.fail("compiled again"))
     assert build(kick(), tmp_path, backend="native") == fmu
     assert fmu.stat().st_mtime_ns == before
+
+
+def test_gcc_compiles_soonest_what_is_seldom_run(tmp_path, monkeypatch) -> None:
+    levels, run = {}, compiler._started_compiler
+    monkeypatch.setattr(compiler.cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(compiler.cache, "_entries", {})
+
+    def started(command: list[str], folder: Path) -> subprocess.Popen[str]:
+        levels.update(
+            {command[command.index("-c") + 1]: [x for x in command if x.startswith("-O")]} if "-c" in command else {}
+        )
+        return run(command, folder)
+
+    monkeypatch.setattr(compiler, "_started_compiler", started)
+    files = {name: f"int {name[0]}(void) {{ return 1; }}\n".encode() for name in ("a.c", "b.c")}
+    compiler.compile_library(files, compiler.host_target(), seldom_run=["a.c", "c.c"])
+    (cc,) = compiler.system_compiler() or [""]
+    assert levels == {"a.c": ["-O2", "-O1"] if "gcc" in Path(cc).resolve().name else ["-O2"], "b.c": ["-O2"]}
+    assert {*SELDOM_RUN} < source_files(pendulum(), "{}", "2").keys() | source_files(pendulum(), "{}", "3").keys()
 
 
 def test_object_files_are_stored_for_other_processes_until_all_are_too_large(tmp_path, monkeypatch) -> None:

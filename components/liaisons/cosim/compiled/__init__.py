@@ -1,1 +1,1 @@
-"""Calls as records that C code makes: prepared calls in, one compiled library for loop and coupled step out."""
+"""Calls as records that C code makes: prepared calls in, compiled libraries of loop and coupled step out."""

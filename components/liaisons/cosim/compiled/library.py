@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ctypes import CDLL
-from functools import lru_cache, partial
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -14,8 +14,11 @@ from liaisons.base.folders import process_folder
 from liaisons.base.logs import logger
 from liaisons.errors import BuildError
 
-STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
+_FOLDER = Path(__file__).parent
+STEPS = _FOLDER / "loop.c", _FOLDER / "calls.h"
 """Sources of communication steps; Python, too, can make those of explicit coupling, to the same bits."""
+
+_COUPLED_STEPS = _FOLDER / "coupling.c", _FOLDER / "calls.h"
 
 
 @lru_cache
@@ -51,5 +54,10 @@ def _file_with_content(path: Path, content: bytes) -> Path:
     return path
 
 
-step_library = partial(cached_library, STEPS, "communication steps are made by Python")
-"""Compiled library of communication steps; None if it cannot be compiled or loaded."""
+def step_library(*, coupled: bool = False) -> CDLL | None:
+    """Compiled library of communication steps, or of what couples them; None if it cannot be compiled or loaded.
+
+    Coupling takes five times as long to compile, and one FMU alone does not need it.
+    """
+    sources, makers = (_COUPLED_STEPS, "explicit ones are made") if coupled else (STEPS, "communication steps are made")
+    return cached_library(sources, f"{makers} by Python")

@@ -70,7 +70,7 @@ class Elimination:
             upper=np.empty(sum(map(len, above))),
             lower=np.empty(sum(map(len, below))),
         )
-        library = compiled.step_library()
+        library = compiled.step_library(coupled=True)
         assert library is not None
         if not library.eliminate(byref(self.record)):
             raise RuntimeError("Factor is exactly singular")

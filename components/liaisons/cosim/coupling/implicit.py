@@ -63,7 +63,7 @@ class Coupled:
         for history in histories:
             arrays += history.memory.arrays
         self._memory = Memory(arrays)
-        library = compiled.step_library()
+        library = compiled.step_library(coupled=True)
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._system_record()

@@ -125,7 +125,7 @@ def _hurdle(graph: ConnectionGraph, connections: Iterable[Connection]) -> str | 
     for connection in connections:
         if connection.conversion != SAME:
             return f"{connection} converts values"
-    return no_compiler_message() if compiled.step_library() is None else None
+    return no_compiler_message() if compiled.step_library(coupled=True) is None else None
 
 
 def _reduces_error(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:

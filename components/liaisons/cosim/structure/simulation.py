@@ -124,6 +124,8 @@ class Simulation:
         :raises SimulationError: if a file is damaged or too big.
         """
         compiled.step_library()
+        if self.iterates:
+            compiled.step_library(coupled=True)
         return extract_fmus((part.fmu for part in self.parts.values()), folder)
 
     @cached_property
