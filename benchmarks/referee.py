@@ -21,7 +21,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from _measure import HERE, Row, command, grid, number, quartiles
+from _measure import HERE, Row, command, grid, number
 
 ENGINES = ("ours", "mujoco", "pinocchio", "newton", "drake", "exudyn", "rumoca", "pythonfmu3")
 ASKED = {"motion": "<= 1e-10", "force": "<= 1e-09", "work": "<= 1e-09"}  # of ours
@@ -33,9 +33,9 @@ def measure(quick: bool, plots: Path) -> list[Row]:
     folder.mkdir(exist_ok=True)
     cells = [cell for engine in ENGINES for cell in _measured(engine, folder, *["--quick"] * quick)]
     public = [] if quick else _measured("public", folder)
-    for kind in ASKED:
+    for k, kind in enumerate(ASKED):
         for name, found in (("referee", cells), ("referee_public", public)):
-            (plots / f"{name}_{kind}.md").write_text(_table(found, kind), encoding="utf-8")
+            (plots / f"{name}_{kind}.md").write_text(_table(found, kind, k), encoding="utf-8")
     references = json.loads((folder / "references.json").read_text(encoding="utf-8"))
     rows = [
         Row("References, relative", f"{task}: {name}", value, "")
@@ -72,41 +72,38 @@ def _rows(cell: Cell) -> Iterable[Row]:
         yield Row(cell["task"], _case(cell), math.nan, "", remark=cell["refused"])
         return
     last = cell["points"][-1]
-    setting = (f"{name} {value}" for name, value in last["setting"].items())
-    times = f"{1e3 * last['step']:g} ms, {_time(last['ratios'])} × time"
-    remark = ", ".join([times, *setting, f"page {cell['page']}"])
-    for (kind, bound), error in zip(ASKED.items(), last["errors"], strict=True):
-        asked = bound if cell["engine"] == "liaisons" else ""
+    settings = [f"{name} {value}" for name, value in last["setting"].items()]
+    how = [f"{1e3 * last['step']:g} ms, {_time(last['ratios'])} × time", *settings, f"page {cell['page']}"]
+    for kind, error, remark in zip(ASKED, last["errors"], (", ".join(how), "", ""), strict=True):
+        asked = ASKED[kind] if cell["engine"] == "liaisons" else ""
         figure = math.nan if error is None else error
         yield Row(cell["task"], f"{_case(cell)}, {kind}", figure, "", asked=asked, remark=remark)
-        remark = ""
 
 
-def _table(cells: Sequence[Cell], kind: str) -> str:
+def _table(cells: Sequence[Cell], kind: str, k: int) -> str:
     """Errors by way and task at the smallest step; time as a ratio, the median of tasks."""
     tasks = _tasks(cells)
     lines = [[f"error of {kind}", *tasks, "time"]]
     for way in dict.fromkeys(map(_case, cells)):
         column = {cell["task"]: cell for cell in cells if _case(cell) == way}
         timed = [cell["points"][-1]["ratios"] for cell in column.values() if cell["points"]]
-        found = [_said(column[task], kind) if task in column else "not installed" for task in tasks]
+        found = [_said(column[task], k) if task in column else "not installed" for task in tasks]
         lines.append([way, *found, _time([np.median(ratios) for ratios in timed if ratios])])
     return f"{grid(lines)}\n"
 
 
-def _time(ratios: list[Any]) -> str:
+def _time(ratios: Sequence[float]) -> str:
     """Median and quartiles, of two digits."""
     if not ratios:
         return "not timed"
-    low, high = quartiles(ratios) or ratios * 2
-    median, low, high = (number(float(f"{value:.2g}")) for value in (np.median(ratios), low, high))
+    low, median, high = (number(float(f"{value:.2g}")) for value in np.quantile(ratios, (0.25, 0.5, 0.75)))
     return f"{median} ({low} .. {high})"
 
 
-def _said(cell: Cell, kind: str) -> str:
+def _said(cell: Cell, k: int) -> str:
     if not cell["points"]:
         return cell["refused"]
-    error = dict(zip(ASKED, cell["points"][-1]["errors"], strict=True))[kind]
+    error = cell["points"][-1]["errors"][k]
     if error is None:
         return "not given"
     return "> 1000" if error > 1e3 else f"{error:.1g}".replace("e-0", "e-").replace("e+0", "e")
@@ -114,7 +111,7 @@ def _said(cell: Cell, kind: str) -> str:
 
 def _plot(task: str, cells: Sequence[Cell], folder: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), sharex=True, layout="constrained")
-    for k, (kind, axis) in enumerate(zip(ASKED, axes, strict=True)):
+    for k, kind, axis in zip(range(3), ASKED, axes, strict=True):
         axis.set_prop_cycle(color=plt.colormaps["tab20"](range(20)))
         for cell in cells:
             seconds = [point["seconds"] for point in cell["points"]]

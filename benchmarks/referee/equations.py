@@ -1,92 +1,87 @@
-"""References by integration: Lagrange's equations by SymPy, by extrapolation and by Dormand and Prince's rule."""
+"""References by integration: Lagrange's equations by SymPy, by Gauss's rule and by Dormand and Prince's."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 import sympy
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from sympy.physics.mechanics import LagrangesMethod
 
-from referee.task import Answer, Motion, Task, cos, sin
+from referee.task import GRAVITY, Answer, Motion, Task
 
 TIME = sympy.Symbol("t")  # of SymPy's mechanics
 Rates = Callable[[Any, NDArray], NDArray]
-COUNTS = range(2, 16, 2)
+STAGES, WEIGHTS = legendre.leggauss(9)
+INVERSE = np.linalg.inv(legendre.legvander(STAGES, len(STAGES) - 1))
+MATRIX = legendre.legval(STAGES, legendre.legint(INVERSE, lbnd=-1)).T
+SWEEPS = 14  # to the last digit of extended precision
 
 
 def dormand_prince(rates: Rates, begin: float, end: float, y: NDArray) -> NDArray:
     return solve_ivp(rates, (begin, end), y, "DOP853", rtol=3e-14, atol=1e-15, max_step=0.004).y[:, -1]
 
 
-def extrapolated(rates: Rates, begin: float, end: float, y: NDArray) -> NDArray:
-    """Gragg, Bulirsch and Stoer's steps of order 14, in extended precision."""
+def gauss(rates: Rates, begin: float, end: float, y: NDArray) -> NDArray:
+    """Steps of order 18, in extended precision."""
     count = math.ceil((end - begin) / 0.02)
-    size = np.longdouble(end - begin) / count
-    for t in begin + size * np.arange(count):
-        line: list[Any] = []
-        for n in COUNTS:
-            h = size / n
-            before, now = y, y + h * rates(t, y)
-            for k in range(1, n):
-                before, now = now, before + 2 * h * rates(t + k * h, now)
-            last, line = line, [(before + now + h * rates(t + size, now)) / 2]
-            for other, fewer in zip(last, COUNTS[len(last) - 1 :: -1], strict=False):
-                line.append(line[-1] + (line[-1] - other) / ((n / fewer) ** 2 - 1))
-        y = line[-1]
+    half = np.longdouble(end - begin) / count / 2
+    for middle in begin + half * np.arange(1, 2 * count, 2):
+        slopes = np.zeros((len(STAGES), len(y)), np.longdouble)
+        for _ in range(SWEEPS):
+            for k, stage in enumerate(STAGES):
+                slopes[k] = rates(middle + half * stage, y + half * MATRIX[k] @ slopes)
+        y = y + half * WEIGHTS @ slopes
     return y
 
 
-@dataclass(frozen=True)
-class Equations:
-    """Integrated from one jump to the next.
+def integrated(
+    dynamics: Callable[[Any, NDArray], tuple[NDArray, Any, Any]],
+    start: Sequence[float],
+    asked: int,
+    jumps: Mapping[float, float],
+) -> Callable[[NDArray], tuple[Answer, Mapping[str, float]]]:
+    """The reference by integration, from one jump to the next.
 
-    :ivar dynamics: of instant and states: their rates, the forces of the prescribed joints, and the energy.
-    :ivar motions: of the prescribed joints.
-    :ivar start: of the states, of which the first ``asked`` are asked.
-    :ivar jumps: instant -> what is added to the work there; nothing is asked at that instant.
+    :param dynamics: of instant and states, of which the last is the work: their rates, the force of the first
+        prescribed joint, and the energy.
+    :param start: of the states, of which the first ``asked`` are asked.
+    :param jumps: instant -> what is added to the work there; nothing is asked at that instant.
     """
+    first, work_only = np.array(start), np.eye(len(start))[-1]
 
-    dynamics: Callable[[Any, Sequence[Any]], tuple[Sequence[Any], Sequence[Any], Any]]
-    motions: Sequence[Motion]
-    start: Sequence[float]
-    asked: int
-    jumps: Mapping[float, float] = field(default_factory=dict)
+    def states(times: NDArray, rule: Callable[..., NDArray]) -> NDArray:
+        begin, y, rows = 0.0, first, {}
+        for end in sorted({*times, *jumps}):
+            last = np.nextafter(end, begin)  # what moves after a jump is no concern of this side
+            rows[end] = rule(lambda t, y, last=last: dynamics(min(t, last), y)[0], begin, end, y)
+            begin, y = end, rows[end] + jumps.get(end, 0.0) * work_only
+        return np.array([rows[t] for t in times], dtype=float)
 
-    def solved(self, times: NDArray, solver: Callable[..., NDArray]) -> NDArray:
-        """States and work at instants (times, n)."""
-        begin, y, rows = 0.0, np.array([*self.start, 0.0]), {}
-        for end in sorted({*times, *self.jumps}):
-
-            def rates(t: Any, y: NDArray, last: float = np.nextafter(end, begin)) -> NDArray:
-                before = min(t, last)  # what moves after a jump is no concern of this side
-                states, forces, _ = self.dynamics(before, y[:-1])
-                speeds = (motion(before)[1] for motion in self.motions)
-                return np.array([*states, sum(f * v for f, v in zip(forces, speeds, strict=True))])
-
-            rows[end] = solver(rates, begin, end, y)
-            begin, y = end, rows[end].copy()
-            y[-1] += self.jumps.get(end, 0.0)
-        return np.array([rows[t] for t in times])
-
-    def reference(self, times: NDArray) -> tuple[Answer, Mapping[str, float]]:
-        """The answer; what the other method and the energy say of it, relative to size."""
-        rows, others = (self.solved(times, solver).astype(float) for solver in (extrapolated, dormand_prince))
+    def reference(times: NDArray) -> tuple[Answer, Mapping[str, float]]:
+        rows, others = (states(times, rule) for rule in (gauss, dormand_prince))
         work = rows[:, -1]
-        _, forces, energy = zip(*(self.dynamics(t, row[:-1]) for t, row in zip(times, rows, strict=True)), strict=True)
-        gained = np.array(energy) - self.dynamics(0.0, self.start)[2]
+        _, force, energy = (np.array(found) for found in zip(*map(dynamics, times, rows), strict=True))
+        lost = energy - dynamics(0.0, first)[2] - work
         checks = {
-            "Dormand and Prince": float(np.max(abs(rows - others) / np.maximum(abs(others), 1))),
-            "energy account": float(max(abs(gained - work)) / max(1, *abs(work))),
+            "Dormand and Prince": np.max(abs(rows - others) / np.maximum(abs(others), 1)),
+            "energy account": max(abs(lost)) / max(1, *abs(work)),
         }
-        return Answer(rows[:, : self.asked], np.array(forces)[:, 0], work), checks
+        return Answer(rows[:, :asked], force, work), checks
+
+    return reference
+
+
+def point(mass: float, x: Any, z: Any, gravity: float = GRAVITY) -> Any:
+    """Lagrangian of a point at x and, upwards, z."""
+    return mass * ((x.diff(TIME) ** 2 + z.diff(TIME) ** 2) / 2 - gravity * z)
 
 
 def lagrange(
@@ -96,54 +91,53 @@ def lagrange(
     start: Mapping[Any, tuple[float, float]],
     prescribed: Mapping[Any, Motion],
     *,
+    closure: Sequence[Any] = (),
     jumps: Mapping[float, float] | None = None,
     **more: Any,
 ) -> Task:
-    """Task whose reference solves Lagrange's equations: for accelerations, and for the forces of prescribed joints.
+    """Task whose reference integrates Lagrange's equations.
 
     :param start: free coordinate -> place and rate.
     :param prescribed: coordinate -> motion.
+    :param closure: functions of the coordinates that stay 0, as they are at the start.
     :param more: other fields of the task.
     """
     every, n = [*start, *prescribed], len(start)
 
     @cache  # derived for those who ask
-    def functions() -> Sequence[Callable[..., Any]]:
-        left = LagrangesMethod(lagrangian, every).form_lagranges_equations()
-        unknown = [q.diff(TIME, 2) for q in start]
-        rest = left[:n, :].subs(dict.fromkeys(unknown, 0))
-        accelerations = [*left[:n, :].jacobian(unknown).LUsolve(-rest)] if n else []
+    def dynamics() -> Callable[..., Any]:
+        """Function of σ, σ̇, σ̈, then of q and q̇: accelerations, forces of prescribed joints, energy."""
+        method = LagrangesMethod(lagrangian, every, hol_coneqs=closure)
+        left = sympy.Matrix(method.form_lagranges_equations())
+        unknown = [*(q.diff(TIME, 2) for q in start), *method.lam_vec]
+        system = sympy.Matrix([*left[:n], *(gap.diff(TIME, 2) for gap in closure)])
+        solution = system.jacobian(unknown).LUsolve(-system.subs(dict.fromkeys(unknown, 0)))
+        forces = left[n:, :].subs(dict(zip(unknown, solution, strict=True)))
         energy = sum(q.diff(TIME) * lagrangian.diff(q.diff(TIME)) for q in every) - lagrangian
         known = [q.diff(TIME, k) for k in range(3) for q in prescribed]
         known += [q.diff(TIME, k) for k in range(2) for q in start]
-        return [
-            sympy.lambdify(arguments, values, [{"sin": sin, "cos": cos}, "math"], cse=True)
-            for arguments, values in ((known, accelerations), ([*known, *unknown], [*left[n:, :], energy]))
-        ]
+        return sympy.lambdify(known, [*solution[:n], *forces, energy], "numpy", cse=True)
 
-    def dynamics(t: Any, y: Sequence[Any]) -> tuple[Sequence[Any], Sequence[Any], Any]:
-        known = [*np.ravel([motion(t) for motion in prescribed.values()], "F"), *y]
-        solve, apply = functions()
-        accelerations = solve(*known)
-        *forces, energy = apply(*known, *accelerations)
-        return [*y[n:], *accelerations], forces, energy
+    def found(t: Any, y: NDArray) -> tuple[NDArray, Any, Any]:
+        moved = np.array([motion(t) for motion in prescribed.values()]).T
+        *values, energy = dynamics()(*moved.ravel(), *y[:-1])
+        return np.array([*y[n:-1], *values[:n], moved[1] @ values[n:]]), values[n], energy
 
-    states = np.ravel([*start.values()], "F").tolist()
-    equations = Equations(dynamics, [*prescribed.values()], states, n, jumps or {})
-    motions, starts = ({str(q.func): value for q, value in found.items()} for found in (prescribed, start))
-    fields = {"asked": [*starts], "start": starts, "reference": equations.reference, "functions": functions}
-    return Task(name, stop, motions, jumps=tuple(equations.jumps), **(fields | more))
+    motions, starts = ({str(q.func): value for q, value in which.items()} for which in (prescribed, start))
+    fields = {"asked": [*starts], "start": starts, "dynamics": dynamics} | more
+    states = [*np.ravel([*start.values()], "F"), 0.0]
+    reference = integrated(found, states, len(fields["asked"]), jumps or {})
+    return Task(name, stop, motions, reference=reference, jumps=tuple(jumps or ()), **fields)
 
 
 def pieces(
-    first: Any, leaves: Callable[[float, Any], float], following: Callable[[float, Any], Any], stop: float
-) -> list[Any]:
+    piece: Any, leaves: Callable[[float, Any], float], following: Callable[[float, Any], Any], stop: float
+) -> Iterator[Any]:
     """Of a motion: each begins at its first value, and lasts until ``leaves`` changes its sign."""
-    found, step = [first], 1e-3
-    while True:
-        last = found[-1]
-        grid = np.arange(last[0] + 1e-7, stop, step)
-        end = next((t for t in grid if leaves(t, last) * leaves(t + step, last) <= 0), None)
-        if end is None:
-            return found
-        found.append(following(float(brentq(leaves, end, end + step, (last,), xtol=1e-16, rtol=1e-15)), last))
+    yield piece
+    step = 1e-3
+    for t in np.arange(piece[0] + 1e-7, stop, step):
+        if leaves(t, piece) * leaves(t + step, piece) <= 0:
+            end = brentq(leaves, t, t + step, (piece,), xtol=1e-16, rtol=1e-15)
+            yield from pieces(following(end, piece), leaves, following, stop)
+            return

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from referee.engines import ours_ways
 from referee.task import Answer, Task
 from referee.tasks import TASKS
-from referee.way import CannotError, Run, Way
+from referee.way import CannotError, Way
 
 ROUNDS = 3  # at the smallest step
 
@@ -47,30 +48,24 @@ def write(path: Path, found: dict[str, Any], indent: int | None = 1) -> None:
 def cell(task: Task, way: Way, exact: Answer, *, quick: bool) -> dict[str, Any]:
     """A task by a way: the best of its grid at each step, or why there is none."""
     points, refused = [], ""
-    try:
-        for step in way.steps[: 1 if quick else None]:
-            run, setting = _best(task, way, step, exact)
-            rounds = 0 if task.file else ROUNDS if step == way.steps[-1] else 1
-            runs = (way.run(task, step, **setting) if k else run for k in range(rounds))
-            ratios = [again.seconds / ours_ways.by_fmpy(task, step).seconds for again in runs]
-            measured = {"errors": run.answer.errors(exact), "seconds": run.seconds, "ratios": ratios}
-            points.append({"step": step, "setting": setting, **measured})
-    except CannotError as error:
-        refused = str(error)
+    for step in way.steps[: 1 if quick else None]:
+        tried = []
+        for values in product(*way.grid.values()):
+            setting = dict(zip(way.grid, values, strict=True))
+            try:
+                answer, seconds = way.run(task, step, **setting)
+                tried.append({"setting": setting, "errors": answer.errors(exact), "seconds": seconds})
+            except CannotError as error:
+                refused = str(error)
+        if not tried:
+            break
+        best, refused = min(tried, key=lambda point: point["errors"][0]), ""
+        rounds = 0 if task.file else ROUNDS if step == way.steps[-1] else 1
+        again = (way.run(task, step, **best["setting"])[1] if k else best["seconds"] for k in range(rounds))
+        ratios = [seconds / ours_ways.by_fmpy(task, step)[1] for seconds in again]
+        points.append({"step": step, **best, "ratios": ratios})
     said = {"task": task.name, "engine": way.engine, "way": way.name, "page": way.page}
     return said | {"refused": refused, "points": points}
-
-
-def _best(task: Task, way: Way, step: float, exact: Answer) -> tuple[Run, dict[str, Any]]:
-    found, refused = [], CannotError()
-    for setting in way.settings:
-        try:
-            found.append((way.run(task, step, **setting), setting))
-        except CannotError as error:
-            refused = error
-    if not found:
-        raise refused
-    return min(found, key=lambda run: run[0].answer.errors(exact)[0])
 
 
 def _reference(task: Task, path: Path) -> Answer:

@@ -57,7 +57,7 @@ class Task:
         acceleration of gravity along it [m/s2].
     :ivar springs: joint -> stiffness, as in the file.
     :ivar constraint: what acts besides joints, if anything.
-    :ivar functions: derives those of σ, σ̇, σ̈, then of q and q̇: the accelerations; of these, too: forces and energy.
+    :ivar dynamics: derives a function of σ, σ̇, σ̈, then of q and q̇: accelerations, forces, energy.
     :ivar file: in MJCF, unless it is in the folder of tasks.
     """
 
@@ -78,7 +78,7 @@ class Task:
     whole: bool = False
     springs: Mapping[str, float] = field(default_factory=dict)
     constraint: str = ""
-    functions: Callable[[], Sequence[Callable[..., Any]]] | None = None
+    dynamics: Callable[[], Callable[..., Any]] | None = None
     file: Path | None = None
 
     @property
@@ -100,19 +100,11 @@ class Task:
         return self.path("xml").read_text(encoding="utf-8").replace("</mujoco>", f"{more}</mujoco>")
 
 
-def _of_both(name: str) -> Callable[[Any], Any]:
-    """Function of ``math``, or in extended precision of NumPy."""
-    return lambda x: getattr(np if isinstance(x, np.longdouble) else math, name)(x)
-
-
-sin, cos = _of_both("sin"), _of_both("cos")
-
-
 def sinusoid(offset: float, amplitude: float, frequency: float, phase: float = 0.0) -> Motion:
     """offset + amplitude sin(frequency t + phase)."""
 
     def motion(t: Any) -> tuple[Any, Any, Any]:
-        sine, cosine = sin(frequency * t + phase), cos(frequency * t + phase)
+        sine, cosine = np.sin(frequency * t + phase), np.cos(frequency * t + phase)
         return offset + amplitude * sine, amplitude * frequency * cosine, -amplitude * frequency**2 * sine
 
     return motion

@@ -34,7 +34,7 @@ def test_a_cell_has_the_best_of_the_grid_or_says_why_there_is_none() -> None:
     def run(_task: Task, _step: float, error: float) -> Run:
         if error > 1:
             raise CannotError("too far")
-        return Run(Answer(exact.motion + error, exact.force, None), 0.0)
+        return Answer(exact.motion + error, exact.force, None), 0.0
 
     def said(*errors: float) -> dict[str, Any]:
         task = Task("still", 1.0, {}, ["x"], "", file=Path("still.xml"))

@@ -10,12 +10,12 @@ from pydrake.multibody.tree import PdControllerGains, PrismaticSpring
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from referee.way import CannotError, Stepped, Way, overwritten
+from referee.way import CannotError, Model, Way
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # of options in MJCF that belong to MuJoCo
 
 
-class _Model(Stepped):
+class _Model(Model):
     """A task in Drake at its start; prescribed joints have motors if there are gains for them."""
 
     def __init__(self, task, step, gains=None):
@@ -41,8 +41,8 @@ class _Model(Stepped):
         firsts = [joint.position_start() for joint in joints], [joint.velocity_start() for joint in joints]
         super().__init__(task, step, [joint.name() for joint in joints], *firsts)
 
-    def state(self):
-        return self.plant.GetPositions(self.context).copy(), self.plant.GetVelocities(self.context).copy()
+    q = property(lambda self: self.plant.GetPositions(self.context).copy())
+    v = property(lambda self: self.plant.GetVelocities(self.context).copy())
 
     def write(self, q, v):
         self.plant.SetPositions(self.context, q)
@@ -72,6 +72,6 @@ def controlled(task, step, stiffness, damping):
 
 PAGE = "https://drake.mit.edu/doxygen_cxx/classdrake_1_1multibody_1_1_multibody_plant.html"
 WAYS = (
-    Way("drake", "positions set", PAGE, overwritten(_Model)),
+    Way("drake", "positions set", PAGE, _Model.overwritten),
     Way("drake", "implicit PD", f"{PAGE}#pd_controllers", controlled, {"stiffness": (1.0, 1e3), "damping": (1e3,)}),
 )

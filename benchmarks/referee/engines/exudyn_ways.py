@@ -2,7 +2,6 @@
 
 import math
 import time
-from functools import partial
 
 import exudyn
 import mujoco
@@ -11,7 +10,7 @@ from exudyn import utilities as items
 from scipy.spatial.transform import Rotation
 
 from referee.task import GRAVITY
-from referee.way import CannotError, Model, Run, Way, answered
+from referee.way import CannotError, Model, Way, answered
 
 exudyn.config.printToConsole = False
 BOUNCE = -math.log(0.8) / math.hypot(math.pi, math.log(0.8))  # damping ratio of a stop that throws back 0.8
@@ -24,49 +23,49 @@ class _Model(Model):
         self.container = exudyn.SystemContainer()  # which holds the system
         self.system = self.container.AddSystem()
         self.file = mujoco.MjModel.from_xml_string(task.mjcf())
-        links = []
-        last = [-1]  # link of each body
+        names, links, signs, last = [], [], [], [-1]  # the link of each body
         for body in map(self.file.body, range(1, self.file.nbody)):
             joint, above = self.file.joint(body.jntadr[0]), last[body.parentid[0]]
             ball, slide = (joint.type[0] == getattr(mujoco.mjtJoint, f"mjJNT_{kind}") for kind in ("BALL", "SLIDE"))
-            for letter in "XYZ" if ball else "XYZ"[abs(joint.axis).argmax()]:
-                massive = not ball or letter == "Z"
-                name = joint.name if not ball or letter == "X" else f"{joint.name} {letter}"
+            mass = items.RigidBodyInertia(body.mass[0], np.diag(body.inertia), body.ipos, inertiaTensorAtCOM=True)
+            spring = (task.springs.get(joint.name, 0.0), 0.0)
+            letters = "XYZ" if ball else "XYZ"[abs(joint.axis).argmax()]
+            names += [joint.name, *letters[1:]]
+            for letter in letters:
+                signs.append(joint.axis.sum())
+                inertia = mass if letter == letters[-1] else items.RigidBodyInertia()
                 kind = getattr(exudyn.JointType, f"{'Prismatic' if slide else 'Revolute'}{letter}")
-                inertia = (np.diag(massive * body.inertia), massive * body.ipos, massive * body.mass[0])
-                links.append((name, joint.axis.sum(), kind, above, body.pos, *inertia))
+                links.append(items.TreeLink(inertia, kind, exudyn.HT(translation=body.pos), above, spring, []))
                 above = len(links) - 1
             last.append(above)
-        names, signs, kinds, parents, offsets, inertias, centres, masses = zip(*links, strict=True)
         self.signs, n = np.array(signs), len(names)
         self.q, self.v = np.zeros(n), np.zeros(n)
         super().__init__(task, step, names, range(n), range(n))
         start = {"initialCoordinates": self.q * signs, "initialCoordinates_t": self.v * signs}
-        self.node = self.system.AddNode(
-            items.NodeGenericODE2(referenceCoordinates=[0.0] * n, numberOfODE2Coordinates=n, **start)
-        )
-        self.mechanism = self.system.AddObject(
-            items.ObjectKinematicTree(
-                nodeNumber=self.node,
-                jointTypes=list(kinds),
-                linkParents=list(parents),
-                jointTransformations=exudyn.Matrix3DList([np.eye(3)] * n),
-                jointOffsets=exudyn.Vector3DList(list(offsets)),
-                linkInertiasCOM=exudyn.Matrix3DList(list(inertias)),
-                linkCOMs=exudyn.Vector3DList(list(centres)),
-                linkMasses=list(masses),
-                gravity=[0.0, 0.0, -GRAVITY],
-            )
-        )
-
-    def state(self):
-        return self.q, self.v
+        self.mechanism = self.system.CreateKinematicTree("", links, gravity=[0.0, 0.0, -GRAVITY], **start)
+        self.node = self.system.GetObject(self.mechanism)["nodeNumber"]
 
     def attitude(self, q):
         return Rotation.from_euler("XYZ", q[:3]).as_quat()[[3, 0, 1, 2]]
 
     def coordinate(self, node, row):
         return self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=row))
+
+    def held(self, name, sign, stiffness):
+        """A prescribed joint by a stiff spring, critically damped for 1 kg or 1 kg m²; by a constraint without it."""
+        ground, motion = self.system.AddNode(items.NodePointGround()), self.task.motions[name]
+        pair = {"markerNumbers": [self.coordinate(ground, 0), self.coordinate(self.node, self.places[name])]}
+
+        def offset(_system, t, *_):
+            return sign * motion(t)[0]
+
+        def spring(_system, t, _item, place, rate, *_):
+            sigma, sigma_dot, _ = motion(t)
+            return stiffness * (place - sign * sigma) + 2 * stiffness**0.5 * (rate - sign * sigma_dot)
+
+        if stiffness:
+            return items.CoordinateSpringDamper(**pair, springForceUserFunction=spring)
+        return items.CoordinateConstraint(**pair, offset=offset(None, 0.0), offsetUserFunction=offset)
 
     def constrain(self):
         """What acts besides joints."""
@@ -92,26 +91,14 @@ class _Model(Model):
 
 def moved(task, step, radius, stiffness=0.0):
     it = _Model(task, step)
-    system, ground = it.system, it.coordinate(it.system.AddNode(items.NodePointGround()), 0)
-
-    def pair(name):
-        return {"markerNumbers": [ground, it.coordinate(it.node, it.places[name])]}
-
-    for name, constant in task.springs.items():
-        system.AddObject(items.CoordinateSpringDamper(**pair(name), stiffness=constant))
+    system, signs = it.system, it.signs[it.rows]
     if task.constraint:
         it.constrain()
     kind = exudyn.OutputVariableType
     sensors = [items.SensorNode(nodeNumber=it.node, outputVariableType=kind.Coordinates, storeInternal=True)]
-    for (name, motion), sign in zip(task.motions.items(), it.signs[it.rows], strict=True):
-        if stiffness:
-            spring = partial(_spring, motion, sign, stiffness / step**2)
-            held = items.CoordinateSpringDamper(**pair(name), springForceUserFunction=spring)
-        else:
-            offset = partial(_offset, motion, sign)
-            held = items.CoordinateConstraint(**pair(name), offset=offset(None, 0.0), offsetUserFunction=offset)
-        number = system.AddObject(held)
-        sensors.append(items.SensorObject(objectNumber=number, outputVariableType=kind.Force, storeInternal=True))
+    for name, sign in zip(task.motions, signs, strict=True):
+        held = system.AddObject(it.held(name, sign, stiffness / step**2))
+        sensors.append(items.SensorObject(objectNumber=held, outputVariableType=kind.Force, storeInternal=True))
     numbers = [system.AddSensor(sensor) for sensor in sensors]
     system.Assemble()
     options = exudyn.SimulationSettings()
@@ -128,19 +115,8 @@ def moved(task, step, radius, stiffness=0.0):
         raise CannotError(f"solver: {str(error)[:40]}") from None
     seconds = time.process_time() - begin
     found, *forces = (system.GetSensorStoredData(number)[:, 1:] for number in numbers)
-    samples = zip(map(it.read, found * it.signs), np.hstack(forces) * -it.signs[it.rows], strict=True)
-    return Run(answered(task, step, [[*samples]]), seconds)
-
-
-def _offset(motion, sign, _system, t, *_):
-    return sign * motion(t)[0]
-
-
-def _spring(motion, sign, stiffness, _system, t, *state):
-    """Critically damped for 1 kg or 1 kg m²."""
-    _, place, rate, *_ = state
-    sigma, sigma_dot, _ = motion(t)
-    return stiffness * (place - sign * sigma) + 2 * stiffness**0.5 * (rate - sign * sigma_dot)
+    samples = zip(map(it.read, found * it.signs), np.hstack(forces) * -signs, strict=True)
+    return answered(task, step, [[*samples]]), seconds
 
 
 PAGE = "https://exudyn.readthedocs.io/en/latest/docs/RST/items/ObjectConnectorCoordinate"

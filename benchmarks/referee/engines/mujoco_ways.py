@@ -5,24 +5,20 @@ import numpy as np
 
 from liaisons import MujocoOperator
 from liaisons.errors import InvalidValueError
-from referee.way import CannotError, Stepped, Way, overwritten
-
-INTEGRATORS = {"Euler": 0, "RK4": 1, "implicitfast": 3}
+from referee.way import CannotError, Model, Way
 
 
-class _Model(Stepped):
+class _Model(Model):
     """A task in MuJoCo at its start."""
 
     def __init__(self, task, step, integrator="Euler", more=""):
-        self.model = mujoco.MjModel.from_xml_string(task.mjcf(more))
-        self.model.opt.timestep, self.model.opt.integrator = step, INTEGRATORS[integrator]
+        option = f'<option timestep="{step}" integrator="{integrator}"/>'
+        self.model = mujoco.MjModel.from_xml_string(task.mjcf(option + more))
         self.data = mujoco.MjData(self.model)
-        names = [self.model.joint(k).name for k in range(self.model.njnt)]
+        self.q, self.v = self.data.qpos, self.data.qvel
+        names = [joint.name for joint in map(self.model.joint, range(self.model.njnt))]
         super().__init__(task, step, names, self.model.jnt_qposadr, self.model.jnt_dofadr)
         mujoco.mj_forward(self.model, self.data)
-
-    def state(self):
-        return self.data.qpos, self.data.qvel
 
     def advance(self, _):
         mujoco.mj_step(self.model, self.data)
@@ -86,19 +82,14 @@ def mocap(task, step, time_constant):
 def operated(task, step):
     """``liaisons.MujocoOperator``: the exact force, with Runge and Kutta's rule."""
     it = _Model(task, step, "RK4")
-    operator = MujocoOperator(it.model, task.motions)
+    operator = MujocoOperator(it.model, it.motions)
 
-    def forces():
-        return np.array([*operator.forces(it.model, it.data).values()])
-
-    def jump(t):
-        it.data.time = t + 1e-15
-        after = MujocoOperator(it.model, {n: lambda t, n=n: task.motions[n](t + 2e-12) for n in task.motions})
-        return np.array([*after.jump(it.model, it.data).values()])
+    def named(method):
+        return np.array([*method(it.model, it.data).values()])
 
     mujoco.set_mjcb_control(operator)
     try:
-        return it.march(forces=forces, jump=jump)
+        return it.march(forces=lambda: named(operator.forces), jump=lambda _: named(operator.jump))
     except InvalidValueError as error:
         raise CannotError(f"refused: {str(error).partition(' acts')[0]}") from None
     finally:
@@ -106,11 +97,11 @@ def operated(task, step):
 
 
 PAGE = "https://mujoco.readthedocs.io/en/stable/"
-EVERY, STIFF = {"integrator": INTEGRATORS}, {"stiffness": (1e-3, 1e-2, 0.1, 1.0)}
+EVERY, STIFF = {"integrator": ("Euler", "RK4", "implicitfast")}, {"stiffness": (1e-3, 1e-2, 0.1, 1.0)}
 SOFT = {"time_constant": (2.0, 5.0)}
 EQUALITY = SOFT | {"integrator": ("Euler", "RK4")}
 WAYS = (
-    Way("mujoco", "rate overwritten", f"{PAGE}programming/simulation.html", overwritten(_Model), EVERY),
+    Way("mujoco", "rate overwritten", f"{PAGE}programming/simulation.html", _Model.overwritten, EVERY),
     Way("mujoco", "position actuator", f"{PAGE}XMLreference.html#actuator-position", actuated, STIFF),
     Way("mujoco", "equality", f"{PAGE}XMLreference.html#equality-joint", equality, EQUALITY),
     Way("mujoco", "mocap and weld", f"{PAGE}modeling.html#mocap-bodies", mocap, SOFT),

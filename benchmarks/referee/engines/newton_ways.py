@@ -4,12 +4,12 @@ import mujoco
 import newton
 import warp as wp
 
-from referee.way import CannotError, Stepped, Way, overwritten
+from referee.way import CannotError, Model, Way
 
 wp.config.quiet = True
 
 
-class _Model(Stepped):
+class _Model(Model):
     """A task in Newton at its start; joints follow targets if they have a stiffness, else they are kinematic."""
 
     def __init__(self, task, step, stiffness=0.0):
@@ -39,8 +39,8 @@ class _Model(Stepped):
         self.observed = self.solver.observables({"qfrc_actuator"})
         super().__init__(task, step, names, builder.joint_q_start, builder.joint_qd_start)
 
-    def state(self):
-        return self.now.joint_q.numpy().astype(float), self.now.joint_qd.numpy().astype(float)
+    q = property(lambda self: self.now.joint_q.numpy().astype(float))
+    v = property(lambda self: self.now.joint_qd.numpy().astype(float))
 
     def write(self, q, v):
         self.now.joint_q.assign(q)
@@ -69,6 +69,6 @@ def targeted(task, step, stiffness):
 
 PAGE = "https://newton-physics.github.io/newton/latest/"
 WAYS = (
-    Way("newton", "kinematic body", f"{PAGE}concepts/articulations.html#kinematic-links", overwritten(_Model)),
+    Way("newton", "kinematic body", f"{PAGE}concepts/articulations.html#kinematic-links", _Model.overwritten),
     Way("newton", "joint target", f"{PAGE}solvers/mujoco.html", targeted, {"stiffness": (1e-3, 1e-2, 0.1, 1.0)}),
 )

@@ -8,8 +8,9 @@ import numpy as np
 from fmpy.simulation import apply_start_values, instantiate_fmu
 
 from liaisons import Signal, fmu_path, simulate
+from liaisons.errors import ComponentError
 from referee.task import INSTANTS, Answer
-from referee.way import Run, Way
+from referee.way import CannotError, Way
 
 TOLERANCE = 1e-12
 
@@ -25,7 +26,7 @@ def _said(task):
 
 def _run(rows, begin):
     seconds, values = time.process_time() - begin, np.array(rows)
-    return Run(Answer(values[:, :-2], values[:, -2], values[:, -1]), seconds)
+    return Answer(values[:, :-2], values[:, -2], values[:, -1]), seconds
 
 
 def by_simulate(task, step):
@@ -33,7 +34,10 @@ def by_simulate(task, step):
     inputs = {name: Signal(motion, breaks=task.jumps) for name, motion in task.motions.items()}
     options = {"stop_time": task.stop, "step_size": step, "tolerance": TOLERANCE}
     begin = time.process_time()
-    result = simulate(task.component, inputs=inputs, record=outputs, **options, **starts)
+    try:
+        result = simulate(task.component, inputs=inputs, record=outputs, **options, **starts)
+    except ComponentError as error:  # of a file that it cannot read
+        raise CannotError(str(error).rpartition("assets/")[2].partition(";")[0]) from None
     # At a jump the later row is that after it.
     rows = np.searchsorted(result.time, task.times - 1e-9)
     return _run(np.array([result[name][rows] for name in outputs]).T, begin)

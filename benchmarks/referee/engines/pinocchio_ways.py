@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 
 from liaisons import PinocchioOperator
-from referee.way import CannotError, Stepped, Way, overwritten, runge_kutta
+from referee.way import CannotError, Model, Way, runge_kutta
 
 
-class _Model(Stepped):
+class _Model(Model):
     """A task in Pinocchio at its start."""
 
     def __init__(self, task, step):
@@ -17,9 +17,6 @@ class _Model(Stepped):
         self.data, joints = self.model.createData(), self.model.joints
         self.q, self.v = pin.neutral(self.model), np.zeros(self.model.nv)
         super().__init__(task, step, self.model.names, [j.idx_q for j in joints], [j.idx_v for j in joints])
-
-    def state(self):
-        return self.q, self.v
 
     def advance(self, _):
         self.v += self.step * pin.aba(self.model, self.data, self.q, self.v, self.torque(self.q))
@@ -41,27 +38,25 @@ class _Operated(_Model):
 
     def __init__(self, task, step):
         super().__init__(task, step)
-        self.now, self.side = 0.0, 1.0
-        motions = {n: lambda t, k=k: task.sigma(t, self.side)[:, k] for k, n in enumerate(task.motions)}
-        self.operator = PinocchioOperator(self.model, motions)
+        self.operator, self.end = PinocchioOperator(self.model, self.motions), 0.0
 
     def accelerations(self, t, q, v):
         return self.operator.accelerations(t, q, v, self.torque(q))
 
     def advance(self, t):
-        self.now = t + self.step
+        self.end = t + self.step
 
         def rates(at, y):
             """Of the way from q at the begin of the step, and of v."""
-            self.side = -1.0 if at == self.now else 1.0
-            way, v = np.split(y, 2)
-            return np.hstack([v, self.accelerations(at, pin.integrate(self.model, self.q, way), v)[0]])
+            self.side = -1.0 if at == self.end else 1.0
+            way, v = y
+            return np.array([v, self.accelerations(at, pin.integrate(self.model, self.q, way), v)[0]])
 
-        way, v = np.split(runge_kutta(rates, t, np.hstack([0 * self.v, self.v]), self.step), 2)
-        self.q, self.v = self.operator.place(self.now, pin.integrate(self.model, self.q, way), v)
+        way, v = runge_kutta(rates, t, np.array([0 * self.v, self.v]), self.step)
+        self.q, self.v = self.operator.place(self.end, pin.integrate(self.model, self.q, way), v)
 
     def forces(self):
-        return np.array([*self.accelerations(self.now, self.q, self.v)[1].values()])
+        return np.array([*self.accelerations(self.end, self.q, self.v)[1].values()])
 
     def jump(self, t):
         self.side = 1.0
@@ -76,6 +71,6 @@ def operated(task, step):
 
 PAGE = "https://github.com/stack-of-tasks/pinocchio/blob/devel/examples/simulation-pendulum.py"
 WAYS = (
-    Way("pin", "rate overwritten", PAGE, overwritten(_Model)),
+    Way("pin", "rate overwritten", PAGE, _Model.overwritten),
     Way("pin", "PinocchioOperator", "docs/reference/api.md", operated),
 )

@@ -10,7 +10,7 @@ import pythonfmu3
 
 from referee.engines.ours_ways import instance
 from referee.tasks import TASKS
-from referee.way import CannotError, Way, march
+from referee.way import CannotError, Model, Way
 
 
 @cache
@@ -18,33 +18,35 @@ def _built():
     return pythonfmu3.FmuBuilder.build_FMU(Path(__file__).with_name("slave_fmu.py"), dest=tempfile.mkdtemp())
 
 
-def written(task, step, *, runge):
-    if task.functions is None:
-        raise CannotError("not written")
-    task.functions()  # derived before the time of steps is taken
-    fmu, _, reference = instance(_built())
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-    fmu.setFloat64([reference["which"], reference["runge"]], [float(TASKS.index(task)), float(runge)])
-    n = len(task.motions)
-    inputs = [reference[f"sigma{ending}_{k}"] for ending in ("", "_dot", "_ddot") for k in range(n)]
+class _Model(Model):
+    """A task in an FMU at its start."""
 
-    def advance(t):
-        fmu.setFloat64(inputs, task.sigma(t + runge * step / 2).ravel().tolist())
-        fmu.doStep(t, step)
+    def __init__(self, task, step, runge):
+        if task.constraint or task.springs or task.dynamics is None:
+            raise CannotError("not written")
+        task.dynamics()  # derived before the time of steps is taken
+        self.task, self.step = replace(task, carrier=0.0), step
+        self.which, self.q, self.force = [TASKS.index(task), runge], np.zeros(2), np.zeros(2)
+        self.fmu, _, self.reference = instance(_built())
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
 
-    def outputs(name, count):
-        return np.array(fmu.getFloat64([reference[f"{name}_{k}"] for k in range(count)]))
+    def read(self, q):
+        return q[: len(self.task.asked)]
 
+    def advance(self, t):
+        sigma = self.task.sigma(t + self.which[1] * self.step / 2)
+        self.fmu.setFloat64([self.reference["inputs"]], [*self.which, *np.resize(sigma.T, 6)])
+        self.fmu.doStep(t, self.step)
+        self.q, self.force = np.reshape(self.fmu.getFloat64([self.reference["outputs"]], 4), (2, 2))
+
+
+def written(task, step, runge):
+    it = _Model(task, step, runge)
     try:
-        return march(
-            replace(task, carrier=0.0),
-            step,
-            advance,
-            lambda: (outputs("q", len(task.asked)), outputs("force", n) if runge else None),
-        )
+        return it.march(forces=lambda: it.force[: len(task.motions)] if runge else None)
     finally:
-        fmu.freeInstance()
+        it.fmu.freeInstance()
 
 
 PAGE = "https://github.com/StephenSmith25/PythonFMU3"

@@ -6,7 +6,7 @@ import numpy as np
 import rumoca
 
 from referee.task import INSTANTS, Answer
-from referee.way import CannotError, Run, Way
+from referee.way import CannotError, Way
 
 
 def prescribed(task, step, solver):
@@ -22,7 +22,7 @@ def prescribed(task, step, solver):
     seconds = time.process_time() - begin
     rows = np.searchsorted(np.asarray(result.time), task.times - 1e-9)
     *motion, force, work = (np.asarray(result[name])[rows] for name in (*(task.signals or task.asked), "force", "work"))
-    return Run(Answer(np.array(motion).T, force, work), seconds)
+    return Answer(np.array(motion).T, force, work), seconds
 
 
 PAGE = "https://github.com/CogniPilot/rumoca/blob/main/docs/user-guide/src/tools/python.md"

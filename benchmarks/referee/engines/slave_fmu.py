@@ -1,46 +1,47 @@
 """A mechanism as one writes an FMU: inputs are held during a step."""
 
+from functools import partial
+
 import numpy as np
-from pythonfmu3 import Float64, Fmi3Causality, Fmi3Slave, Fmi3StepResult
+from pythonfmu3 import Dimension, Float64, Fmi3Causality, Fmi3Slave, Fmi3StepResult
 
 from referee.tasks import TASKS
 from referee.way import runge_kutta
 
-OUTPUTS = ("q_0", "q_1", "force_0", "force_1")
-INPUTS = tuple(f"sigma{ending}_{k}" for ending in ("", "_dot", "_ddot") for k in range(2))
-
 
 class SlaveFmu(Fmi3Slave):
-    """Rates by differences and one Euler step, or rates as inputs and a step by Runge and Kutta's rule (``runge``)."""
+    """Rates by differences and one Euler step, or rates as inputs and a step by Runge and Kutta's rule.
+
+    Inputs are the number of the task, whether the rule is that of Runge and Kutta, and σ, σ̇, σ̈ of the first joint, then
+    of the second; outputs are two places and two forces.
+    """
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.time, self.states, self.before = 0.0, np.zeros(0), np.zeros((2, 2))
+        self.time, self.states, self.before = 0.0, np.zeros(0), np.zeros((3, 2))
         self.register_variable(Float64("time", causality=Fmi3Causality.independent))
-        for name in (*INPUTS, *OUTPUTS, "which", "runge"):
-            setattr(self, name, 0.0)
-            causality = Fmi3Causality.output if name in OUTPUTS else Fmi3Causality.input
-            self.register_variable(Float64(name, causality=causality))
+        for name, size, causality in (("inputs", 8, Fmi3Causality.input), ("outputs", 4, Fmi3Causality.output)):
+            setattr(self, name, np.zeros(size))
+            kind = {"dimensions": [Dimension(str(size))], "setter": partial(setattr, self, name)}
+            self.register_variable(Float64(name, causality=causality, **kind))
 
     def do_step(self, current_time, step_size):
-        task, h = TASKS[int(self.which)], step_size
-        n, accelerations, forces = len(task.motions), *task.functions()
-        given = np.array([getattr(self, name) for name in INPUTS]).reshape(3, 2)
-        if not self.runge:
-            given[1] = (given[0] - self.before[0]) / h
-            given[2] = (given[1] - self.before[1]) / h
+        which, runge, *sigma = self.inputs
+        task, given = TASKS[int(which)], np.reshape(sigma, (2, 3)).T
+        n, dynamics = len(task.start), task.dynamics()
+        for k in () if runge else (1, 2):
+            given[k] = (given[k - 1] - self.before[k - 1]) / step_size
         if current_time == 0.0:
-            self.states = np.array([*task.start.values()]).T.ravel()
-            given[1:] *= self.runge
-        self.before = given[:2]
-        known = given[:, :n].ravel()
+            self.states = np.ravel([*task.start.values()], "F")
+            given[1:] *= runge
+        self.before = given
+        known = given[:, : len(task.motions)].ravel()
 
         def rates(_, y):
-            return np.array([*y[len(y) // 2 :], *accelerations(*known, *y)])
+            return np.array([*y[n:], *dynamics(*known, *y)[:n]])
 
-        rule = runge_kutta if self.runge else lambda rates, t, y, h: y + h * rates(t, y)
-        self.states = rule(rates, current_time, self.states, h)
-        found = forces(*known, *self.states, *accelerations(*known, *self.states))
-        for name, value in zip(OUTPUTS, [*self.states[:2], *found[:n]], strict=False):
-            setattr(self, name, float(value))
+        rule = runge_kutta if runge else lambda rates, t, y, h: y + h * rates(t, y)
+        self.states = rule(rates, current_time, self.states, step_size)
+        forces = np.resize(dynamics(*known, *self.states)[n:-1], 2)
+        self.outputs = np.hstack([self.states[:2], forces])
         return Fmi3StepResult()

@@ -13,17 +13,17 @@ BELT, OMEGA = sinusoid(0.0, 0.5, 2.0), STIFFNESS**0.5
 
 
 def at(t, piece):
-    """Place, rate, force and work in a piece of the motion, which slips to one side, or sticks (0)."""
-    begin, side, x, v, sigma, work = piece
+    """Place, rate, force and lost energy in a piece of the motion, which slips to one side, or sticks (0)."""
+    begin, side, x, v, lost = piece
     moved, rate, acceleration = BELT(t)
-    moved = moved - sigma
-    if side:  # an oscillation about the drag
-        middle, angle = side * GRIP / STIFFNESS, OMEGA * (t - begin)
-        place = middle + (x - middle) * np.cos(angle) + v / OMEGA * np.sin(angle)
-        rate = v * np.cos(angle) - (x - middle) * OMEGA * np.sin(angle)
-        return place, rate, side * GRIP, work + side * GRIP * moved
-    gained = (rate**2 + STIFFNESS * (x + moved) ** 2 - v**2 - STIFFNESS * x**2) / 2
-    return x + moved, rate, acceleration + STIFFNESS * (x + moved), work + gained
+    moved = moved - BELT(begin)[0]
+    if not side:
+        return x + moved, rate, acceleration + STIFFNESS * (x + moved), lost
+    # An oscillation about the drag.
+    middle, angle = side * GRIP / STIFFNESS, OMEGA * (t - begin)
+    place = middle + (x - middle) * np.cos(angle) + v / OMEGA * np.sin(angle)
+    rate = v * np.cos(angle) - (x - middle) * OMEGA * np.sin(angle)
+    return place, rate, side * GRIP, lost + side * GRIP * (moved - place + x)
 
 
 def leaves(t, piece):
@@ -33,23 +33,27 @@ def leaves(t, piece):
 
 
 def following(t, piece):
-    x, v, _, work = at(t, piece)
+    x, v, _, lost = at(t, piece)
     needed = BELT(t)[2] + STIFFNESS * x
     sticks = piece[1] and abs(needed) <= GRIP
-    return t, 0.0 if sticks else float(np.sign(needed)), x, v, BELT(t)[0], work
+    return t, 0.0 if sticks else float(np.sign(needed)), x, v, lost
 
 
 def reference(times):
-    """Energy: work less what friction takes, by quadrature; the number of pieces says that it sticks and slips."""
-    found = pieces((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), leaves, following, STOP)
-    values = np.array([at(t, [piece for piece in found if piece[0] <= t][-1]) for t in times])
-    x, v, _, work = at(STOP, found[-1])
-    lost = 0.0
-    for piece, (end, *_) in pairwise([*found, (STOP,)]):
-        slip = quad(lambda t, piece=piece: BELT(t)[1] - at(t, piece)[1], piece[0], end, epsabs=1e-13, epsrel=1e-13)
-        lost += piece[1] * GRIP * slip[0]
-    account = abs(work - lost - (v**2 + STIFFNESS * x**2) / 2) / abs(work)
-    return Answer(values[:, :1], values[:, 2], values[:, 3]), {"energy account": account, "pieces": len(found)}
+    """Work: energy and what friction takes, held against a quadrature of the power.
+
+    The number of pieces says that it sticks and slips.
+    """
+    found = [*pieces((0.0, 1.0, 0.0, 0.0, 0.0), leaves, following, STOP)]
+    x, v, force, lost = np.array([at(t, [piece for piece in found if piece[0] <= t][-1]) for t in times]).T
+    work = (v**2 + STIFFNESS * x**2) / 2 + lost
+
+    def power(t, piece):
+        return at(t, piece)[2] * BELT(t)[1]
+
+    ends = pairwise([*found, (STOP,)])
+    gained = sum(quad(power, piece[0], end, (piece,), epsabs=1e-13, epsrel=1e-13)[0] for piece, (end, *_) in ends)
+    return Answer(x[:, None], force, work), {"power": abs(gained / work[-1] - 1), "pieces": len(found)}
 
 
 TASK = Task(

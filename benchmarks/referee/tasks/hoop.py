@@ -1,18 +1,17 @@
 """A bead on a hoop that turns about a point off its centre, ever faster."""
 
-from sympy import cos
+from sympy import cos, sin
 from sympy.physics.mechanics import dynamicsymbols
 
-from referee.equations import lagrange
+from referee.equations import TIME, lagrange, point
 
 OFFSET, INERTIA = 0.5, 0.1  # [m], [kg.m2]; radius 1 m, mass 1 kg
 xi, beta = dynamicsymbols("xi beta")
-slide, turn = dynamicsymbols("xi beta", 1)
-spin = turn + slide
+bead = point(1.0, OFFSET * cos(beta) + cos(beta + xi), OFFSET * sin(beta) + sin(beta + xi), gravity=0.0)
 TASK = lagrange(
     "hoop",
     4.0,
-    ((OFFSET**2 + INERTIA) * turn**2 + spin**2 + 2 * OFFSET * turn * spin * cos(xi)) / 2,
+    bead + INERTIA * beta.diff(TIME) ** 2 / 2,
     {xi: (1.0, 1.0)},
     {beta: lambda t: (2 * t + t * t / 4, 2 + t / 2, 0.5)},
     component="CircularHoop",

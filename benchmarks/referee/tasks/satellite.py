@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from referee.equations import Equations
+from referee.equations import integrated
 from referee.task import Task, sinusoid
 
 INERTIAS, WHEEL = np.array([10.0, 12.0, 8.0]), 0.1  # [kg.m2], with the wheels locked
@@ -12,13 +12,13 @@ SPIN = (0.1, -0.05, 0.2)  # [rad/s]
 
 def dynamics(t, y):
     """Euler: J ω' + J_w φ'' = (J ω + J_w φ') × ω."""
-    y = np.asarray(y)
     w, v, omega = y[0], y[1:4], y[4:7]
     _, turn, faster = np.array([motion(t) for motion in TURNS]).T
     spin = (np.cross(INERTIAS * omega + WHEEL * turn, omega) - WHEEL * faster) / INERTIAS
+    torque = WHEEL * (faster + spin)
     energy = (INERTIAS * omega) @ omega / 2 + WHEEL * (omega + turn / 2) @ turn
-    rates = [-v @ omega / 2, *(w * omega + np.cross(v, omega)) / 2, *spin]
-    return rates, WHEEL * (faster + spin), energy
+    quaternion = np.hstack([-v @ omega, w * omega + np.cross(v, omega)]) / 2
+    return np.hstack([quaternion, spin, torque @ turn]), torque[0], energy
 
 
 TASK = Task(
@@ -27,7 +27,7 @@ TASK = Task(
     {f"wheel_{axis}": turn for axis, turn in enumerate(TURNS, 1)},
     ["attitude"],
     "Satellite",
-    Equations(dynamics, TURNS, [1.0, 0.0, 0.0, 0.0, *SPIN], 4).reference,
+    integrated(dynamics, [1.0, 0.0, 0.0, 0.0, *SPIN, 0.0], 4, {}),
     spin=SPIN,
     parameters={f"omega_{axis}_0": rate for axis, rate in zip("xyz", SPIN, strict=True)},
     signals=["q_w", "q_x", "q_y", "q_z"],

@@ -1,7 +1,5 @@
 """A ball on a shaken table: it bounces; force is the sum of the table's impulses."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from referee.equations import pieces
@@ -30,14 +28,14 @@ def thrown(t, flight):
 
 def reference(times):
     """Momentum and energy from the start to the last flight, with what the impacts take."""
-    flights = pieces((0.0, HEIGHT, 0.0, 0.0, 0.0), above, thrown, STOP)
+    flights = np.array([*pieces((0.0, HEIGHT, 0.0, 0.0, 0.0), above, thrown, STOP)])
     begin, h, v, impulse, work = flights[-1]
-    strikes = [up - GRAVITY * (hit - t) - TABLE(hit)[1] for (t, _, up, *_), (hit, *_) in pairwise(flights)]
-    lost = (1 - BOUNCE**2) / 2 * sum(strike**2 for strike in strikes)
+    pushes = np.diff(flights[:, 3])
+    lost = (1 - BOUNCE) / (1 + BOUNCE) / 2 * pushes @ pushes
     account = v**2 / 2 + GRAVITY * (h - HEIGHT) - work + lost
     momentum = v - impulse + GRAVITY * begin
-    checks = {"momentum": abs(momentum), "energy account": abs(account / work), "impacts": len(strikes)}
-    rows = np.array(flights)[np.searchsorted([flight[0] for flight in flights], times) - 1].T
+    checks = {"momentum": abs(momentum), "energy account": abs(account / work), "impacts": len(pushes)}
+    rows = flights[np.searchsorted(flights[:, 0], times) - 1].T
     return Answer(height(times, rows)[:, None], *rows[3:]), checks
 
 
