@@ -12,7 +12,7 @@ from making import FmuPaths, coupling_errors, exchange_only, wired
 from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import Signal, System, flatten
-from liaisons.cosim import Coupling, Result, simulate
+from liaisons.cosim import Coupling, Result, SystemComponent, interpolation_to_end, simulate
 from liaisons.coupling_estimate.estimate import Worst, _cubic_integrals
 from liaisons.errors import LiaisonsError
 
@@ -59,6 +59,13 @@ def test_model_exchange_follows_the_quintic_of_a_port(component: FmuPaths, tmp_p
     true = np.max(np.abs(coarse["swing.theta"] - fine["swing.theta"][::4]))
     assert coarse.coupling_error is not None
     assert true / 10 < np.sum(coarse.coupling_error) < 100 * true
+
+
+def test_an_fmu_interpolates_ports_alone_by_quintics(component: FmuPaths) -> None:
+    """A force follows a line from end to end, also that of a port, since no rate of it is set."""
+    oscillator = SystemComponent.read("it", component("Oscillator"), {})
+    for name, fed, polynomial in (("support", True, "port"), ("support", False, "line"), ("x_force", True, "line")):
+        assert interpolation_to_end(oscillator[name], is_fed_by_port=fed) == polynomial
 
 
 @pytest.mark.parametrize(
