@@ -105,7 +105,7 @@ def lagrange(
     every, n = [*start, *prescribed], len(start)
 
     @cache  # derived for those who ask
-    def dynamics() -> Callable[..., Any]:
+    def dynamics(modules: str = "numpy") -> Callable[..., Any]:
         """Function of σ, σ̇, σ̈, then of q and q̇: accelerations, forces of prescribed joints, energy."""
         method = LagrangesMethod(lagrangian, every, hol_coneqs=closure)
         left = sympy.Matrix(method.form_lagranges_equations())
@@ -116,7 +116,7 @@ def lagrange(
         energy = sum(q.diff(TIME) * lagrangian.diff(q.diff(TIME)) for q in every) - lagrangian
         known = [q.diff(TIME, k) for k in range(3) for q in prescribed]
         known += [q.diff(TIME, k) for k in range(2) for q in start]
-        return sympy.lambdify(known, [*solution[:n], *forces, energy], "numpy", cse=True)
+        return sympy.lambdify(known, [*solution[:n], *forces, energy], modules, cse=True)
 
     def found(t: Any, y: NDArray) -> tuple[NDArray, Any, Any]:
         moved = np.array([motion(t) for motion in prescribed.values()]).T

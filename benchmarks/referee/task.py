@@ -57,7 +57,7 @@ class Task:
         acceleration of gravity along it [m/s2].
     :ivar springs: joint -> stiffness, as in the file.
     :ivar constraint: what acts besides joints, if anything.
-    :ivar dynamics: derives a function of σ, σ̇, σ̈, then of q and q̇: accelerations, forces, energy.
+    :ivar dynamics: derives a function of σ, σ̇, σ̈, then of q and q̇, by numpy or math: accelerations, forces, energy.
     :ivar file: in MJCF, unless it is in the folder of tasks.
     """
 
@@ -78,7 +78,7 @@ class Task:
     whole: bool = False
     springs: Mapping[str, float] = field(default_factory=dict)
     constraint: str = ""
-    dynamics: Callable[[], Callable[..., Any]] | None = None
+    dynamics: Callable[..., Callable[..., Any]] | None = None
     file: Path | None = None
 
     @property

@@ -24,7 +24,7 @@ class _Model(Model):
     def __init__(self, task, step, runge):
         if task.constraint or task.springs or task.dynamics is None:
             raise CannotError("not written")
-        task.dynamics()  # derived before the time of steps is taken
+        task.dynamics("math")  # derived before the time of steps is taken
         self.task, self.step = replace(task, carrier=0.0), step
         self.which, self.q, self.force = [TASKS.index(task), runge], np.zeros(2), np.zeros(2)
         self.fmu, _, self.reference = instance(_built())

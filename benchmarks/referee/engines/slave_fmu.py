@@ -28,17 +28,17 @@ class SlaveFmu(Fmi3Slave):
     def do_step(self, current_time, step_size):
         which, runge, *sigma = self.inputs
         task, given = TASKS[int(which)], np.reshape(sigma, (2, 3)).T
-        n, dynamics = len(task.start), task.dynamics()
+        n, dynamics = len(task.start), task.dynamics("math")
         for k in () if runge else (1, 2):
             given[k] = (given[k - 1] - self.before[k - 1]) / step_size
         if current_time == 0.0:
             self.states = np.ravel([*task.start.values()], "F")
             given[1:] *= runge
         self.before = given
-        known = given[:, : len(task.motions)].ravel()
+        known = given[:, : len(task.motions)].ravel().tolist()
 
         def rates(_, y):
-            return np.array([*y[n:], *dynamics(*known, *y)[:n]])
+            return np.array([*y[n:], *dynamics(*known, *y.tolist())[:n]])
 
         rule = runge_kutta if runge else lambda rates, t, y, h: y + h * rates(t, y)
         self.states = rule(rates, current_time, self.states, step_size)
