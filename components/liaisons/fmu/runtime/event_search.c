@@ -96,7 +96,7 @@ double event_search_first(const EventSearch *s, double *graze) {
         if (!s->look(s->step, PARTS[k], after)) return 2;
         const double part = scan(s, PARTS[k - 1], before, PARTS[k], after, DEEPEST, graze);
         if (part < 2) return part;
-        memcpy(before, after, sizeof before);
+        memcpy(before, after, s->indicators * sizeof *before);
     }
     return 2;
 }

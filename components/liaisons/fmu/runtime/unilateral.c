@@ -54,15 +54,19 @@ static void read_modes(const Instance *self, Modes modes) {
         modes[model->gaps + i] = (signed char)self->v.m[model->friction[i].direction];
 }
 
-/* The problem of all contacts, of which none is to be chosen yet. */
-static Complementarity problem(const Instance *self, int impulses) {
+/* Begin the problem of all contacts, of which none is to be chosen yet; what has no value yet is not cleared, for that
+ * would take as long as an impact. */
+static void begin_problem(const Instance *self, int impulses, Complementarity *p) {
     const Model *model = self->model;
     const ContactNumbers *c = &self->contacts.numbers;
-    Complementarity p = {.gaps = model->gaps, .contacts = model->indicators, .G = c->G, .impulses = impulses};
-    p.stick = impulses ? c->slide : c->stick;
-    p.slide = c->slide;
-    for (size_t i = 0; i < model->frictions; i++) p.normal[i] = model->friction[i].normal;
-    return p;
+    p->gaps = model->gaps;
+    p->contacts = model->indicators;
+    p->G = c->G;
+    p->stick = impulses ? c->slide : c->stick;
+    p->slide = c->slide;
+    p->impulses = impulses;
+    for (size_t i = 0; i < model->frictions; i++) p->normal[i] = model->friction[i].normal;
+    p->n = 0;
 }
 
 /* ---- the record ----------------------------------------------------------------------------------------------------- */
@@ -133,8 +137,9 @@ static void note_touching(Instance *self, double time, const int touching[], con
 /* Add records of the modes at the end of an event, and of rates that are 0 beside the one that has ended the step. */
 static void note_settled(Instance *self, double time, const int touching[], const Modes before, const Modes modes) {
     const ContactNumbers *c = &self->contacts.numbers;
-    const Complementarity p = problem(self, 0);
     const int started = self->s->phase >= EVENT;
+    Complementarity p;
+    begin_problem(self, 0, &p);
     for (size_t i = 0; i < p.contacts; i++) {
         const int holds = started && complementarity_holds(&p, before, i);
         if (fabs(c->v[i]) <= STILL * c->rate_scale[i] && !holds && (long)i + 1 != self->contacts.crossed
@@ -221,9 +226,10 @@ static void touch(Instance *self, double time, const size_t list[], size_t n) {
 }
 
 void core_uphold(Instance *self, double time) {
-    const Complementarity p = problem(self, 0);
+    Complementarity p;
     Modes modes;
     size_t list[MOST_CONTACTS], n = 0, gaps = 0;
+    begin_problem(self, 0, &p);
     read_modes(self, modes);
     for (size_t i = 0; i < p.contacts; i++) {
         if (complementarity_holds(&p, modes, i)) list[n++] = i;
@@ -276,9 +282,10 @@ static int strike(Instance *self, double time, const int touching[]) {
     const size_t n = model->indicators, gaps = model->gaps;
     const ContactNumbers *c = &self->contacts.numbers;
     const int together = self->contacts.before != NULL; /* with others, which lose their part of the energy */
-    Complementarity p = problem(self, 1);
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], before[MOST_CONTACTS];
+    Complementarity p;
     Modes modes = {0};
+    begin_problem(self, 1, &p);
     memcpy(before, together ? self->contacts.before : c->v, n * sizeof *before);
     contact_add_impact(c, touching, before, &p, modes);
     if (!choose(self, &p, time, modes, x, rate)) return 0;
@@ -357,7 +364,7 @@ void core_follow_gaps(Instance *self) {
 
 /* Choose modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
 static int rest(Instance *self, double time, const int touching[], Complementarity *p, Modes modes, double x[], double rate[]) {
-    *p = problem(self, 0);
+    begin_problem(self, 0, p);
     read_modes(self, modes);
     contact_add_rest(&self->contacts.numbers, touching, self->contacts.before != NULL, p, modes);
     return choose(self, p, time, modes, x, rate);
@@ -508,10 +515,9 @@ static int settle(Instance *self, double time, int late) {
         note_settled(self, time, touching, present, modes);
         self->contacts.crossed = 0;
     }
-    const Complementarity all = problem(self, 0);
     for (size_t i = 0; i < n; i++) {
         const int begins = i >= gaps && modes[i] * c->v[i] < 0; /* to slide against the rounding of its rate, an event again */
-        if (begins || complementarity_holds(&all, modes, i)) list[held++] = i;
+        if (begins || complementarity_holds(&resting, modes, i)) list[held++] = i;
     }
     annul(self, time, list, held, 0);
     return 1;
