@@ -294,17 +294,63 @@ def _from_break(*coefficients: float, before: float = 0.0) -> Signal:
     return Signal(lambda t: after(t) if t >= at else (before, 0.0, 0.0), breaks=[at])
 
 
-@pytest.mark.parametrize("coupling", ["implicit", "waveform"])
-def test_a_ball_stays_behind_a_table_that_drops(component: FmuPaths, coupling: Coupling) -> None:
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi", "implicit", "waveform"])
+@pytest.mark.parametrize("source", ["function", "Ramp", "fmi3/Ramp"])
+@pytest.mark.parametrize("ball", ["BouncingBall", "fmi3/BouncingBall"])
+def test_a_ball_stays_behind_a_table_that_drops(
+    component: FmuPaths, ball: str, source: str, coupling: Coupling
+) -> None:
     """It falls freely, h = -1/2 g τ², however the rate jumps: a quintic across the break would throw it up before."""
-    system, drop = wired(ball=(component("BouncingBall"), {"height_0": 0.0, "bounce": 0.5})), _from_break(0.0, -1.0)
-    run = system.simulate(0.5, 0.05, tolerance=1e-10, coupling=coupling, inputs={"ball.table": drop})
+    parts: dict[str, Any] = {"ball": (component(ball), {"height_0": 0.0, "bounce": 0.5})}
+    links, inputs = list[str](), dict[str, Signal]()
+    if source == "function":
+        inputs["ball.table"] = _from_break(0.0, -1.0)
+    else:
+        parts["drop"] = component(source), {"rate": -1.0, "start_time": 0.437}
+        links = ["drop.y -> ball.table"]
+    run = wired(*links, **parts).simulate(0.5, 0.05, tolerance=1e-10, coupling=coupling, inputs=inputs)
     fallen = np.maximum(run.time - 0.437, 0)
     np.testing.assert_allclose(run["ball.height"], -GRAVITY / 2 * fallen**2, rtol=0, atol=1e-9)  # of tolerance 1e-10
     assert run["ball.gap_impacts"][-1] == 0
 
 
-@pytest.mark.parametrize("coupling", ["implicit", "waveform"])
+@pytest.mark.parametrize("mode", [None, 2])
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "implicit", "waveform"])
+@pytest.mark.parametrize("announced", [True, False])
+def test_a_ball_follows_a_steep_table_until_its_rate_jumps(
+    component: FmuPaths, mode: int | None, coupling: Coupling, announced: bool
+) -> None:
+    """On a smooth motion it rests, of which steps see little, and leaves it with the rate before the jump."""
+    at, omega, size = 0.437, 13.0, 0.05  # with accelerations down to -8.45 m/s²
+    height, rate = size * math.sin(omega * at), size * omega * math.cos(omega * at)
+
+    def table(t: float) -> Triple:
+        smooth = _sine(0.0, size, omega, 0.0)(t)
+        return smooth if t < at else (height + (rate - 1) * (t - at), rate - 1, 0.0)
+
+    starts = {"height_0": 0.0, "height_dot_0": size * omega, "bounce": 0.5}
+    starts |= {} if mode is None else {"input_reconstruction": mode}
+    drive = Signal(table, breaks=[at]) if announced else Signal(table)
+    system = wired(ball=(component("BouncingBall"), starts))
+    run = system.simulate(0.5, 0.05, tolerance=1e-10, coupling=coupling, inputs={"ball.table": drive})
+    after, follows = run.time - at, size * np.sin(omega * run.time)
+    falls = height + rate * after - GRAVITY / 2 * after**2
+    np.testing.assert_allclose(run["ball.height"], np.where(after < 0, follows, falls), rtol=0, atol=1e-9)
+    assert run["ball.gap_impacts"][-1] == 0
+
+
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi", "implicit", "waveform"])
+def test_a_ball_is_struck_by_a_table_that_rises(component: FmuPaths, coupling: Coupling) -> None:
+    """By a rate that jumps to v it is thrown up with (1 + e) v, and not before."""
+    system = wired(ball=(component("BouncingBall"), {"height_0": 0.0, "bounce": 0.5}))
+    inputs = {"ball.table": _from_break(0.0, 1.0)}
+    run = system.simulate(0.5, 0.05, tolerance=1e-10, coupling=coupling, inputs=inputs)
+    flown = np.maximum(run.time - 0.437, 0)
+    np.testing.assert_allclose(run["ball.height"], 1.5 * flown - GRAVITY / 2 * flown**2, rtol=0, atol=1e-12)
+    assert run["ball.gap_impacts"][-1] == 1
+
+
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi", "implicit", "waveform"])
 def test_a_table_does_not_jump_through_the_ball(component: FmuPaths, coupling: Coupling) -> None:
     system, jump = wired(ball=(component("BouncingBall"), {"height_0": 0.0})), _from_break(0.1)
     with pytest.raises(SimulationError, match=r"gap = -0\.1 at t = 0\.437: bodies overlap"):

@@ -66,6 +66,9 @@ def test_other_start_values_are_those_of_another_system(fmu: FmuPaths) -> None:
 def test_interpolation_needs_its_source_to_be_stepped_first(fmu: FmuPaths) -> None:
     with pytest.raises(SimulationError, match=r"spring: input_reconstruction=2 .* cubic\.y .*coupling='gauss-seidel'"):
         _driven(fmu, 2).simulate(1.0, H, coupling="jacobi")
+    alone = wired(spring=(fmu("Spring"), {"input_reconstruction": 2}))
+    with pytest.raises(SimulationError, match=r"spring: input_reconstruction=2 .* a function of time .*'gauss-seidel'"):
+        alone.simulate(1.0, H, coupling="jacobi", inputs={"spring.length": lambda t: (t**3, 3 * t**2, 6 * t)})
     system = _ring(fmu, mass_mode=2)
     with pytest.raises(SimulationError, match=r"mass: input_reconstruction=2 .* spring\.length_force .* cycle"):
         system.simulate(1.0, H)

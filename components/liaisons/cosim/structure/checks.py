@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, filterfalse
@@ -62,9 +62,13 @@ class ConnectionGraph:
                 cyclic.update(group)
         return cyclic
 
-    def late_inputs(self, coupling: Coupling) -> Collection[VariableReference]:
-        """Connected inputs whose value at the end of a step is unknown when their component is stepped."""
-        return schedule.late_inputs([*chain.from_iterable(self.strong_components)], self.feeds, coupling)
+    def late_inputs(self, coupling: Coupling) -> Mapping[VariableReference, str]:
+        """Inputs whose value at the end of a step is not set when their component is stepped, and what feeds them."""
+        order = [*chain.from_iterable(self.strong_components)]
+        late: dict[VariableReference, str] = {}
+        for input_ in schedule.late_inputs(order, self.feeds, coupling):
+            late[input_] = ".".join(self.feeds[input_])
+        return late | dict.fromkeys(self.driven if coupling == "jacobi" else (), "a function of time")
 
     @cached_property
     def algebraic_loops(self) -> Sequence[str]:
@@ -185,7 +189,7 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
             if c.source.part.approximation.holds_by_choice or not c.source.variable.continuous
         }
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
-        delayed = {name for name, _ in (*graph.late_inputs(chosen), *(driven if chosen == "jacobi" else ()))}
+        delayed = {name for name, _ in graph.late_inputs(chosen)}
         connected = {*feeds, *driven}
         partial = {name for name, variable in connected if _unfed_ends(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
@@ -235,12 +239,12 @@ def check_steps(
 
     :raises SimulationError: for the first FMU that cannot, with the capability that it lacks.
     """
-    for name, variable in () if chosen in ITERATING else graph.late_inputs(chosen):
+    for (name, variable), source in graph.late_inputs(chosen).items():
         if parts[name].approximation.takes_end_values:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
-                f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
-                f"{'.'.join(graph.feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
+                f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs {variable} at the end of a step, but "
+                f"{source} sets it later: choose {INPUT_RECONSTRUCTION}=1{cure}"
             )
     if adaptive:
         if chosen not in ITERATING and graph.algebraic_loops:

@@ -3,8 +3,8 @@
  *
  * The motion follows σ by its rate: from the value at the start of a step to `followed` at its end.  What σ is off that
  * at the next communication point it has jumped.  In interpolation σ is met, unless a polynomial through both ends would
- * have to move much faster than σ̇ and σ̈ there say, as in a short step after a long one whose inputs came late: such a
- * step is extrapolated, too, and σ jumps at its end. */
+ * have to move much faster than σ̇ and σ̈ there say, as in a short step after a long one whose inputs came late, or as in
+ * the tiny step to an instant at which σ̇ jumps: such a step is extrapolated, too, and what is set jumps at its end. */
 #include <string.h>
 
 #include "prescribed.h"
@@ -108,6 +108,17 @@ static double larger(const double from[3], const double to[3], int i) {
     return a > b ? a : b; /* less than a call */
 }
 
+/* Part of what a jump of σ̇ would move σ in a whole step, by which it may come before the end; and parts of σ, and of
+ * the time, to which an importer knows the instant of the jump. */
+static const double LATE = 0.1, LOCATED = 1e-12, CLOCK = 4 * DBL_EPSILON;
+
+/* Whether σ̇ jumps at the end, at t, of a step of size H: σ̈ says nothing of it, and σ has hardly moved by it. */
+static int rate_jumps(double H, const double from[3], const double to[3], double t) {
+    const double change = H * fabs(to[1] - from[1]), missed = to[0] - (from[0] + H * (from[1] + H * from[2] / 2));
+    const double rounding = LOCATED * larger(from, to, 0) + CLOCK * fabs(t) * larger(from, to, 1);
+    return change > FAR * H * H * larger(from, to, 2) && fabs(missed) <= LATE * change + rounding;
+}
+
 /* Compare σ at the end of a step of size H with what its rates say, and note the mismatch; whether it jumps there. */
 static int compare(Prescribed *p, double H, const double from[3], const double to[3], double t) {
     Past *past = p->past;
@@ -157,6 +168,7 @@ int core_compare_ends(Instance *self) {
         memcpy(given, end + 1, 2 * sizeof *given);
         if (derives(p)) prescribed_derive(p, self->s->time + H, end);
         p->leaps = compare(p, H, (double[]){u[p->value], u[p->rate], u[p->acceleration]}, end, self->s->time + H);
+        p->leaps |= rate_jumps(H, (double[]){u[p->value], u[p->rate], u[p->acceleration]}, end, self->s->time + H);
         leaps |= p->leaps;
     }
     return leaps;
