@@ -537,6 +537,8 @@ def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tupl
         pytest.param(("tower", "two balls"), 13, id="bounces summed within an impact"),
         pytest.param(("brake", "two balls"), 0, id="an elastic impact inside one FMU"),
         pytest.param(("lower ball", "two balls"), 1, id="a contact that opens beside one that closes"),
+        pytest.param(("lower ball", "two balls"), 10, id="bodies that fall together and touch, after which one stayed"),
+        pytest.param(("lower ball", "two balls"), 18, id="bodies that touch to rounding, whose steps were divided"),
     ],
 )
 def test_pair_that_rattles(
