@@ -54,7 +54,7 @@ Seconds = Callable[[], float]
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
-    rounds, steps = (2, 50) if quick else (7, 100)
+    rounds, steps = 5 if quick else 7, 100  # as many steps, quick or not: a run has costs of its own
     rows: list[Row] = []
     for pairs in (1, 10):
         with ExitStack() as stack:
