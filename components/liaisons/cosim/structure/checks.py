@@ -62,7 +62,7 @@ class ConnectionGraph:
                 cyclic.update(group)
         return cyclic
 
-    def late_inputs(self, coupling: Coupling) -> Mapping[VariableReference, str]:
+    def inputs_without_end_value(self, coupling: Coupling) -> Mapping[VariableReference, str]:
         """Inputs whose value at the end of a step is not set when their component is stepped, and what feeds them."""
         order = [*chain.from_iterable(self.strong_components)]
         late: dict[VariableReference, str] = {}
@@ -189,7 +189,7 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
             if c.source.part.approximation.holds_by_choice or not c.source.variable.continuous
         }
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
-        delayed = {name for name, _ in graph.late_inputs(chosen)}
+        delayed = {name for name, _ in graph.inputs_without_end_value(chosen)}
         connected = {*feeds, *driven}
         partial = {name for name, variable in connected if _unfed_ends(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
@@ -239,7 +239,7 @@ def check_steps(
 
     :raises SimulationError: for the first FMU that cannot, with the capability that it lacks.
     """
-    for (name, variable), source in graph.late_inputs(chosen).items():
+    for (name, variable), source in graph.inputs_without_end_value(chosen).items():
         if parts[name].approximation.takes_end_values:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(

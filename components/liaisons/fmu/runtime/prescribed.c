@@ -167,8 +167,8 @@ int core_compare_ends(Instance *self) {
         prescribed_look(p, H, (double[]){u[p->value], given[0], given[1]}, end);
         memcpy(given, end + 1, 2 * sizeof *given);
         if (derives(p)) prescribed_derive(p, self->s->time + H, end);
-        p->leaps = compare(p, H, (double[]){u[p->value], u[p->rate], u[p->acceleration]}, end, self->s->time + H);
-        p->leaps |= rate_jumps(H, (double[]){u[p->value], u[p->rate], u[p->acceleration]}, end, self->s->time + H);
+        const double from[] = {u[p->value], u[p->rate], u[p->acceleration]}, t = self->s->time + H;
+        p->leaps = compare(p, H, from, end, t) || rate_jumps(H, from, end, t);
         leaps |= p->leaps;
     }
     return leaps;
